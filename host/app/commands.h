@@ -1,0 +1,7 @@
+/* The subcommands: one file each, cmd_NAME.c. */
+#ifndef SC_APP_COMMANDS_H
+#define SC_APP_COMMANDS_H
+
+int cmd_version(int argc, const char **argv);
+
+#endif
