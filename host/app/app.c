@@ -44,11 +44,10 @@ enum st app_parse(const struct app_usage *usage, int argc, const char **argv,
     table[0].arg = options.out;
     table[1].arg = common;
 
-    char program[64];
+    static char program[64]; /* popt keeps the pointer */
     (void)snprintf(program, sizeof program, "scancart %s", usage->name);
-    argv[0] = program; /* shown by --help; popt copies it */
+    argv[0] = program; /* shown by --help */
     poptContext context = poptGetContext("scancart", argc, argv, table, 0);
-    argv[0] = usage->name;
     if (!context) {
         (void)app_usage_error(usage->name, "out of memory");
         return ST_INVALID;
