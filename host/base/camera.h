@@ -7,8 +7,11 @@
  *   y' = y g + p1 (s + 2 y^2) + 2 p2 x y
  *   u  = fx x' + cx,  v = fy y' + cy
  *
- * Domain. Z > 0 and s <= s_max, where s_max is where the radial map r g(r^2) stops growing (its first
- * stationary point; infinity if none): beyond it one pixel has several rays, so the model refuses. */
+ * Domain. Z > 0 and s <= s_max = r_max^2. r_max is the first r > 0 (infinity if none below 1e8) where
+ *   min(d(r g)/dr, g) = 6 |(p1, p2)| r,
+ * without tangential distortion the first stationary point of the radial map r g(r^2). Up to there the
+ * map's (symmetric) Jacobian is positive definite, so that a pixel has one ray; beyond, it may have several
+ * and the model refuses. */
 #ifndef SC_BASE_CAMERA_H
 #define SC_BASE_CAMERA_H
 
@@ -37,8 +40,9 @@ bool camera_is_pinhole(const struct camera *cam);
 /* ST_INVALID with a reason unless sizes are in 1..65536, focal lengths positive and everything finite. */
 ST_MUST_CHECK enum st camera_check(const struct camera *cam, struct errctx *err);
 
-/* s_max of the domain (see above), in squared normalised coordinates; INFINITY where unbounded. Cost: a
- * cubic's first positive root; store it when projecting many points. */
+/* s_max of the domain (see above), in squared normalised coordinates; INFINITY where unbounded. Cost: the
+ * first positive root of two polynomials of degree 6, some 10 us. camera_project() and camera_unproject()
+ * need it only near the edge. */
 double camera_s_max(const struct camera *cam);
 
 /* Point in cam (metres, any positive scale) to pixel. out_dq_dp, if not NULL, is 2x3 row-major, px/m.
@@ -47,7 +51,8 @@ ST_MUST_CHECK enum st camera_project(const struct camera *cam, struct vec3 p_cam
                                      double out_dq_dp[6]);
 
 /* Pixel to the ray (x, y, 1). out_dr_dq, if not NULL, is 2x2 row-major: d(x, y) / d(u, v), 1/px. Newton
- * from a fixed-point start, to 1e-12; ST_DOMAIN where no ray of the domain projects there. */
+ * from a fixed-point start, damped within the domain where that fails, to 1e-12; ST_DOMAIN where no ray of
+ * the domain projects there. */
 ST_MUST_CHECK enum st camera_unproject(const struct camera *cam, struct vec2 q_px, struct vec3 *out_ray,
                                        double out_dr_dq[4]);
 
