@@ -1,0 +1,32 @@
+/* Skins by a first heuristic: which mesh cells bridge a depth discontinuity.
+ *
+ * Over a plane the disparity is affine in (u, v), and over a smooth surface nearly so. A step
+ * between two neighbours is a discontinuity when it is more than noise, more than a surface seen at
+ * a grazing angle would give (|d delta / du| = delta tan(theta) / f), and neither side's affine
+ * continuation foretells it. */
+#ifndef SC_RASTER_SKIN_H
+#define SC_RASTER_SKIN_H
+
+#include "base/photo.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct skin_params {
+    double sigmas;           /* steps below so many sigmas of their own noise are noise */
+    double grazing_rad;      /* angle of incidence up to which a step alone proves nothing */
+    double sigma_unknown_px; /* noise of a disparity of unknown confidence, as a share of one pixel
+                                of parallax: sigma = sigma_unknown_px * delta / f */
+};
+struct skin_params skin_params_default(void);
+
+/* Sets PHOTO_SKIN on each pixel whose cell (it, right, below, right-below) bridges a discontinuity
+ * and PHOTO_SILHOUETTE on the pixels on both sides of one; clears both elsewhere. Cells with a
+ * missing disparity are not skins. Returns the number of skin cells. One pass; no allocation. */
+int64_t skin_mark(struct photo *photo, const struct skin_params *params);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
