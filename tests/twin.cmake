@@ -1,1 +1,4 @@
-# tests of twin
+# tests of twin, and of the rig model and the head's protocol that it shares with capture and fusion
+scancart_test(test_rig SOURCES unit/test_rig.c DEPS sc_base LABELS unit)
+scancart_test(test_head_packet SOURCES unit/test_head_packet.c DEPS sc_base LABELS unit)
+scancart_fuzz(head_packet SOURCES fuzz/fuzz_head_packet.c DEPS sc_base)
