@@ -3,6 +3,7 @@
 #ifndef SC_SITE_CALIB_H
 #define SC_SITE_CALIB_H
 
+#include "base/hash.h"
 #include "base/st.h"
 #include "site/site.h"
 
@@ -29,7 +30,7 @@ struct calib {
     char name[SITE_NAME_MAX]; /* the device: a serial number or a role */
     enum calib_status status;
     enum calib_format format;
-    uint8_t sha256[SITE_SHA256_BYTES]; /* of the text; what a job names as its input */
+    uint8_t sha256[HASH_SHA256_BYTES]; /* of the text; what a job names as its input */
     size_t size_bytes;
     int64_t utc_ns;
 };

@@ -8,6 +8,7 @@
 #ifndef SC_SITE_CUSTODY_H
 #define SC_SITE_CUSTODY_H
 
+#include "base/hash.h"
 #include "base/st.h"
 #include "site/site.h"
 
@@ -24,7 +25,7 @@ struct custody_event {
     char who[SITE_NAME_MAX], program[SITE_NAME_MAX];
     char what[SITE_KIND_MAX];   /* "created", "sealed", "capture.start", ... */
     char detail[SITE_TEXT_MAX]; /* JSON or "" */
-    uint8_t link[SITE_SHA256_BYTES];
+    uint8_t link[HASH_SHA256_BYTES];
 };
 
 /* Appends an event with the site's actor and clock. `detail_json` may be NULL. */

@@ -3,6 +3,7 @@
 #ifndef SC_SITE_FRAME_ROW_H
 #define SC_SITE_FRAME_ROW_H
 
+#include "base/hash.h"
 #include "base/st.h"
 #include "site/site.h"
 
@@ -17,7 +18,7 @@ struct frame_row {
     int64_t id; /* output only */
     int64_t station_id;
     int64_t t_ns; /* host monotonic, middle of the exposure */
-    uint8_t sha256[SITE_SHA256_BYTES];
+    uint8_t sha256[HASH_SHA256_BYTES];
     int32_t width_px, height_px;
     double exposure_s, gain;  /* NaN: not known */
     double pan_rad, tilt_rad; /* as commanded or latched; NaN: not known */

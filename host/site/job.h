@@ -4,6 +4,7 @@
 #ifndef SC_SITE_JOB_H
 #define SC_SITE_JOB_H
 
+#include "base/hash.h"
 #include "base/st.h"
 #include "site/site.h"
 
@@ -21,7 +22,7 @@ enum { JOB_MAX_HASHES = 65536, JOB_PARAMETERS_MAX_BYTES = 1 << 20 };
  * outside = true. */
 struct job_hash {
     char role[SITE_KIND_MAX]; /* "frame", "stream", "camera", "photo", ... */
-    uint8_t sha256[SITE_SHA256_BYTES];
+    uint8_t sha256[HASH_SHA256_BYTES];
     bool outside; /* an imported file that is not in the site */
 };
 
@@ -61,7 +62,7 @@ ST_MUST_CHECK enum st job_list(struct site *site, const char *kind, int64_t afte
                                struct errctx *err);
 
 /* The key: SHA-256 over kind, canonical parameters, program and inputs. */
-ST_MUST_CHECK enum st job_key(const struct job *job, uint8_t out_key[SITE_SHA256_BYTES],
+ST_MUST_CHECK enum st job_key(const struct job *job, uint8_t out_key[HASH_SHA256_BYTES],
                               struct errctx *err);
 
 #ifdef __cplusplus

@@ -4,6 +4,7 @@
 #ifndef SC_SITE_PHOTO_ROW_H
 #define SC_SITE_PHOTO_ROW_H
 
+#include "base/hash.h"
 #include "base/pose.h"
 #include "base/st.h"
 #include "site/site.h"
@@ -19,7 +20,7 @@ struct photo_row {
     int64_t id; /* output only */
     int64_t station_id;
     char name[SITE_NAME_MAX]; /* unique within the station */
-    uint8_t sha256[SITE_SHA256_BYTES];
+    uint8_t sha256[HASH_SHA256_BYTES];
     int32_t width_px, height_px;
     struct pose station_from_cam;
     int64_t frame_id; /* the camera frame it was made from; 0: none */

@@ -33,12 +33,10 @@ extern "C" {
 #endif
 
 enum {
-    SITE_SHA256_BYTES = 32,
-    SITE_NAME_MAX = 64,       /* bytes of a name with its final 0 */
-    SITE_KIND_MAX = 32,       /* bytes of a kind with its final 0 */
-    SITE_TEXT_MAX = 1024,     /* bytes of a JSON remark or a custody detail with its final 0 */
-    SITE_BLOB_MAX = 16 << 20, /* bytes of any one value in the database */
-    SITE_PATH_MAX = 4096
+    SITE_NAME_MAX = 64,      /* bytes of a name with its final 0 */
+    SITE_KIND_MAX = 32,      /* bytes of a kind with its final 0 */
+    SITE_TEXT_MAX = 1024,    /* bytes of a JSON remark or a custody detail with its final 0 */
+    SITE_BLOB_MAX = 16 << 20 /* bytes of any one value in the database */
 };
 
 struct site; /* an open site */
@@ -112,11 +110,6 @@ void site_rollback(struct site *site);
 bool site_name_is_valid(const char *name);
 /* True for a kind: 1..SITE_KIND_MAX-1 bytes of a-z, 0-9, '-', '_', '.'. */
 bool site_kind_is_valid(const char *kind);
-
-/* 64 lower-case hexadecimal digits and a final 0. */
-void site_hash_text(const uint8_t sha256[SITE_SHA256_BYTES], char out_text[65]);
-/* The inverse; ST_INVALID unless exactly 64 hexadecimal digits. */
-ST_MUST_CHECK enum st site_hash_parse(const char *text, uint8_t out_sha256[SITE_SHA256_BYTES]);
 
 #ifdef __cplusplus
 }

@@ -15,6 +15,7 @@
 #ifndef SC_SITE_STREAM_H
 #define SC_SITE_STREAM_H
 
+#include "base/hash.h"
 #include "base/st.h"
 #include "base/vec.h"
 #include "site/site.h"
@@ -47,7 +48,7 @@ struct stream_state {
     int64_t payload_bytes;            /* as sent */
     int64_t stored_bytes;             /* after compression */
     int64_t t_first_ns, t_last_ns;    /* host monotonic; 0 without a chunk */
-    uint8_t chain[SITE_SHA256_BYTES]; /* newest link: what a job names as its input */
+    uint8_t chain[HASH_SHA256_BYTES]; /* newest link: what a job names as its input */
     int64_t ledger_count;             /* entries */
     int64_t missing_count;            /* items in the ledger */
 };
@@ -60,7 +61,7 @@ struct stream_chunk {
     int64_t item_count;           /* held, <= end - first */
     const void *payload;
     size_t size_bytes;                /* 1..STREAM_CHUNK_MAX_BYTES; 64 KiB to 4 MiB is efficient */
-    uint8_t chain[SITE_SHA256_BYTES]; /* output only */
+    uint8_t chain[HASH_SHA256_BYTES]; /* output only */
 };
 
 /* Items [first_item, end_item) that are not in the stream, and why. */
