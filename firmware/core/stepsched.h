@@ -1,0 +1,17 @@
+/* Both axes from one timer: the alarm is always set to the earlier pending step. */
+#ifndef SC_CORE_STEPSCHED_H
+#define SC_CORE_STEPSCHED_H
+
+#include "firmware/core/axis.h"
+
+struct firmware;
+
+/* Sets or clears the alarm after axis_move, axis_stop, axis_abort, axis_home. Under the interrupt
+ * lock. */
+void stepsched_arm(struct firmware *fw);
+
+/* Step interrupt: makes the due steps of both axes, tells core/strobe and core/scanprog, arms
+ * again. Budget 15 us. */
+void stepsched_alarm(struct firmware *fw);
+
+#endif
