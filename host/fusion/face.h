@@ -1,0 +1,49 @@
+/* Where no camera is: six pinhole photographs, the faces of a cube around the station, coloured by
+ * the samples themselves. And how fine a picture the samples of a station can carry. */
+#ifndef SC_FUSION_FACE_H
+#define SC_FUSION_FACE_H
+
+#include "base/camera.h"
+#include "base/pose.h"
+#include "fusion/scatter.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { FACE_COUNT = 6 };
+
+/* Face names for people: "front", "left", "back", "right", "up", "down"; "?" for others. */
+const char *face_name(int face);
+
+/* A pinhole of 90 degrees plus one pixel each way, so that the meshes of neighbours overlap by a
+ * cell and no seam opens. size_px >= 4. */
+struct camera face_camera(int32_t size_px);
+
+/* Faces look along station +x, +y, -x, -y (up in the picture = +z), +z (up = -x), -z (up = +x). */
+struct pose face_station_from_cam(int face);
+
+/* What the directions of a stream say about a picture: */
+struct face_survey {
+    int64_t sample_count, return_count;
+    int64_t seen[FACE_COUNT]; /* returns a face sees */
+    double spacing_rad;       /* typical distance of neighbouring samples, the larger way */
+    float range_min_m, range_max_m;
+    float intensity_high; /* 99th percentile, for the grey scale; 0: no intensities */
+    int has_colour;
+};
+
+/* One pass over the stream, 13 MiB of scratch. spacing_rad: the cell size at which nine of ten
+ * looked-at cells of a cube map hold a sample, between 0.2 mrad and 0.2 rad. An empty stream gives
+ * zeroes and 0.2 rad. */
+ST_MUST_CHECK enum st face_survey_source(const struct scatter_source *source,
+                                         struct face_survey *out_survey, struct errctx *err);
+
+/* Size of a face in px so that a pixel in its middle is `spacing_rad` wide, a multiple of 32 plus 1
+ * within 33..max_px. */
+int32_t face_size_px(double spacing_rad, int32_t max_px);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

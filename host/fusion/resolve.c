@@ -1,0 +1,480 @@
+#include "fusion/resolve.h"
+
+#include "fusion/sky.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double rad_per_deg = 0.017453292519943295;
+
+/* The candidate of a pixel: its heaviest cluster so far. */
+struct candidate {
+    float disparity_per_m; /* NaN: none */
+    float sigma_per_m;     /* of the mean, from the samples */
+    float u_px, v_px;      /* mean place of the samples, in the image */
+    float gu, gv;          /* gradient of the surface, 1/m per px; 0 where unknown */
+};
+
+struct work {
+    struct layer_image *image;
+    const struct resolve_params *params;
+    struct cluster_rule rule;
+    struct candidate *candidates; /* [height][width] */
+    uint8_t *refused;             /* layers refused so far */
+    int32_t width, height;
+    int reach; /* half window of the test for mixed pixels, px */
+};
+
+struct resolve_params resolve_params_default(void) {
+    struct resolve_params params = {.min_weight = 0.05,
+                                    .mixed_ratio = 0.4,
+                                    .agree_sigmas = 4.0,
+                                    .sigma_angle_rad = 0.0,
+                                    .beam_rad = 0.0,
+                                    .sigma_system_m = 0.0,
+                                    .low_confidence = 0.01,
+                                    .low_confidence_m = 0.02,
+                                    .sky_elevation_rad = 20.0 * rad_per_deg,
+                                    .refuse_mixed = 1,
+                                    .plain_mean = 0};
+    return params;
+}
+
+/* ---- choosing a cluster ---- */
+
+static void candidate_set(const struct work *w, size_t i, const struct cluster_layer *layer) {
+    struct candidate *c = w->candidates + i;
+    float gu = c->gu, gv = c->gv;
+    memset(c, 0, sizeof *c);
+    c->disparity_per_m = NAN;
+    c->gu = gu;
+    c->gv = gv;
+    if (!layer)
+        return;
+    c->disparity_per_m = layer->disparity_per_m;
+    c->sigma_per_m = cluster_sigma(layer);
+    c->u_px = (float)(i % (size_t)w->width) + layer->du_px;
+    c->v_px = (float)(i / (size_t)w->width) + layer->dv_px;
+}
+
+/* The heaviest layer that is not refused; NULL if there is none, or what is there is too light or
+ * outweighed by samples without return. */
+static const struct cluster_layer *heaviest(const struct work *w, size_t i) {
+    const struct cluster_pixel *pixel = w->image->px + i;
+    uint32_t at = w->refused[i];
+    if (at >= pixel->layer_count)
+        return NULL;
+    const struct cluster_layer *layer = pixel->layers + at;
+    if (layer->weight < (float)w->params->min_weight || layer->weight < pixel->none_weight)
+        return NULL;
+    return layer;
+}
+
+/* For comparison with the literature: all layers averaged. */
+static void flatten(struct cluster_pixel *pixel) {
+    if (pixel->layer_count < 2)
+        return;
+    struct cluster_layer *a = pixel->layers;
+    for (uint32_t j = 1; j < pixel->layer_count; j++) {
+        const struct cluster_layer *b = pixel->layers + j;
+        float share = b->weight / (a->weight + b->weight);
+        a->weight += b->weight;
+        a->var_sum += b->var_sum;
+        a->disparity_per_m += share * (b->disparity_per_m - a->disparity_per_m);
+        a->du_px += share * (b->du_px - a->du_px);
+        a->dv_px += share * (b->dv_px - a->dv_px);
+    }
+    pixel->layer_count = 1;
+}
+
+static void choose_first(struct work *w) {
+    size_t pixels = (size_t)w->width * (size_t)w->height;
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < pixels; i++) {
+        if (w->params->plain_mean)
+            flatten(w->image->px + i);
+        else
+            cluster_merge(w->image->px + i, &w->rule, NAN, NAN);
+        w->candidates[i].gu = w->candidates[i].gv = 0.0f;
+        candidate_set(w, i, heaviest(w, i));
+    }
+}
+
+/* ---- gradient ---- */
+
+static const struct candidate *neighbour(const struct work *w, int32_t x, int32_t y) {
+    if (x < 0 || y < 0 || x >= w->width || y >= w->height)
+        return NULL;
+    const struct candidate *c = w->candidates + (size_t)y * (size_t)w->width + (size_t)x;
+    return isnan(c->disparity_per_m) ? NULL : c;
+}
+
+static float noise_of(const struct work *w, const struct candidate *a, const struct candidate *b) {
+    return (float)w->params->agree_sigmas *
+           sqrtf(a->sigma_per_m * a->sigma_per_m + b->sigma_per_m * b->sigma_per_m);
+}
+
+/* True if the five candidates in a row around (x, y) lie on one line, or the four where one is
+ * missing: a surface however steep. Their slope goes to out_slope. */
+static bool steep_line(const struct work *w, int32_t x, int32_t y, int32_t dx, int32_t dy,
+                       float *out_slope) {
+    const struct candidate *c[5];
+    for (int k = 0; k < 5; k++) {
+        c[k] = neighbour(w, x + (k - 2) * dx, y + (k - 2) * dy);
+        if (!c[k])
+            return false;
+    }
+    float t[5], mean_t = 0, mean_d = 0;
+    for (int k = 0; k < 5; k++) {
+        t[k] = dx ? c[k]->u_px - c[2]->u_px : c[k]->v_px - c[2]->v_px;
+        mean_t += t[k] / 5.0f;
+        mean_d += c[k]->disparity_per_m / 5.0f;
+    }
+    float stt = 0, std = 0;
+    for (int k = 0; k < 5; k++) {
+        stt += (t[k] - mean_t) * (t[k] - mean_t);
+        std += (t[k] - mean_t) * (c[k]->disparity_per_m - mean_d);
+    }
+    if (!(stt > 1.0f))
+        return false;
+    float slope = std / stt;
+    for (int k = 0; k < 5; k++) {
+        float off = c[k]->disparity_per_m - mean_d - slope * (t[k] - mean_t);
+        /* A tenth of a pixel of the slope itself: places are known no better. */
+        if (fabsf(off) > (float)w->params->agree_sigmas * c[k]->sigma_per_m + 0.1f * fabsf(slope))
+            return false;
+    }
+    *out_slope = slope;
+    return true;
+}
+
+struct plane_sums {
+    float n, u, v, d, uu, uv, vv, ud, vd;
+};
+
+/* Gradient by least squares over the neighbours that agree; false if they do not determine it. */
+static bool gradient_fit(const struct plane_sums *s, float *out_gu, float *out_gv) {
+    if (s->n < 3.0f)
+        return false;
+    float uu = s->uu - s->u * s->u / s->n, uv = s->uv - s->u * s->v / s->n;
+    float vv = s->vv - s->v * s->v / s->n;
+    float ud = s->ud - s->u * s->d / s->n, vd = s->vd - s->v * s->d / s->n;
+    float det = uu * vv - uv * uv;
+    if (!(det > 0.25f)) /* px^4; a 3 x 3 grid has 36, three neighbours in an L about 0.5 */
+        return false;
+    *out_gu = (ud * vv - vd * uv) / det;
+    *out_gv = (vd * uu - ud * uv) / det;
+    return true;
+}
+
+static void gradient_at(const struct work *w, int32_t x, int32_t y, struct candidate *out) {
+    const struct candidate *me = neighbour(w, x, y);
+    out->gu = out->gv = 0.0f;
+    if (!me)
+        return;
+    struct plane_sums s = {0};
+    float slope = w->rule.slope_per_px * me->disparity_per_m;
+    for (int32_t dy = -1; dy <= 1; dy++)
+        for (int32_t dx = -1; dx <= 1; dx++) {
+            const struct candidate *c = neighbour(w, x + dx, y + dy);
+            if (!c)
+                continue;
+            float u = c->u_px - me->u_px, v = c->v_px - me->v_px;
+            float d = c->disparity_per_m - me->disparity_per_m;
+            if (fabsf(d) > noise_of(w, me, c) + slope * (fabsf(u) + fabsf(v)))
+                continue;
+            s.n += 1.0f;
+            s.u += u, s.v += v, s.d += d;
+            s.uu += u * u, s.uv += u * v, s.vv += v * v;
+            s.ud += u * d, s.vd += v * d;
+        }
+    bool found = gradient_fit(&s, &out->gu, &out->gv);
+    if (found && s.n >= 8.0f)
+        return;
+    float steep_u, steep_v;
+    if (steep_line(w, x, y, 1, 0, &steep_u))
+        out->gu = steep_u;
+    if (steep_line(w, x, y, 0, 1, &steep_v))
+        out->gv = steep_v;
+}
+
+static void gradients(struct work *w) {
+#pragma omp parallel for schedule(dynamic, 8)
+    for (int32_t y = 0; y < w->height; y++)
+        for (int32_t x = 0; x < w->width; x++)
+            gradient_at(w, x, y, w->candidates + (size_t)y * (size_t)w->width + (size_t)x);
+}
+
+/* On surfaces steeper than the clustering made room for, one surface has several layers: now that
+ * its gradient is known, join them. */
+static void merge_steep(struct work *w) {
+    size_t pixels = (size_t)w->width * (size_t)w->height;
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < pixels; i++) {
+        struct cluster_pixel *pixel = w->image->px + i;
+        const struct candidate *c = w->candidates + i;
+        if (pixel->layer_count < 2 || isnan(c->disparity_per_m) || (c->gu == 0.0f && c->gv == 0.0f))
+            continue;
+        cluster_merge(pixel, &w->rule, c->gu, c->gv);
+        candidate_set(w, i, heaviest(w, i));
+    }
+}
+
+/* ---- mixed pixels ---- */
+
+struct support {
+    int same, near, far;
+};
+
+static struct support support_at(const struct work *w, int32_t x, int32_t y) {
+    struct support s = {0};
+    const struct candidate *me = neighbour(w, x, y);
+    float bend = 0.25f * w->rule.slope_per_px * me->disparity_per_m;
+    for (int32_t dy = -w->reach; dy <= w->reach; dy++)
+        for (int32_t dx = -w->reach; dx <= w->reach; dx++) {
+            const struct candidate *c = neighbour(w, x + dx, y + dy);
+            if (!c)
+                continue;
+            float u = c->u_px - me->u_px, v = c->v_px - me->v_px;
+            float off = c->disparity_per_m - me->disparity_per_m - me->gu * u - me->gv * v;
+            float room = noise_of(w, me, c) + bend * (fabsf(u) + fabsf(v));
+            if (off > room)
+                s.near++;
+            else if (off < -room)
+                s.far++;
+            else
+                s.same++;
+        }
+    return s;
+}
+
+/* Whether the other layers of the pixel put the candidate between a nearer and a farther surface.
+ */
+static bool alone_between(const struct work *w, int32_t x, int32_t y) {
+    size_t i = (size_t)y * (size_t)w->width + (size_t)x;
+    const struct cluster_layer *layer = heaviest(w, i);
+    return layer && (layer->count & CLUSTER_COUNT_MAX) <= 1;
+}
+
+/* A cluster between near and far that does not fill its share of the window is a split beam's. A
+ * straight border of a surface leaves it half of the window, a corner a quarter. */
+static bool floats(const struct work *w, int32_t x, int32_t y) {
+    struct support s = support_at(w, x, y);
+    if (!s.near || !s.far)
+        return false;
+    int all = s.same + s.near + s.far;
+    if (alone_between(w, x, y))
+        return 2 * s.same < all;
+    return 5 * s.same < 2 * all;
+}
+
+/* Quick test on the 3 x 3 neighbourhood: is anything here not smooth? */
+static bool smooth_here(const struct work *w, int32_t x, int32_t y) {
+    const struct candidate *me = neighbour(w, x, y);
+    float slope = w->rule.slope_per_px * me->disparity_per_m;
+    for (int32_t dy = -1; dy <= 1; dy++)
+        for (int32_t dx = -1; dx <= 1; dx++) {
+            const struct candidate *c = neighbour(w, x + dx, y + dy);
+            if (!c)
+                return false;
+            float room = noise_of(w, me, c) + slope;
+            if (fabsf(c->disparity_per_m - me->disparity_per_m) > room)
+                return false;
+        }
+    return true;
+}
+
+/* One round: every pixel judges by the candidates as they were, so order and threads do not matter.
+ */
+static int64_t refuse_round(struct work *w) {
+    int64_t refused = 0;
+    uint8_t *verdict = calloc((size_t)w->width * (size_t)w->height, 1);
+    if (!verdict)
+        return -1;
+#pragma omp parallel for schedule(dynamic, 8)
+    for (int32_t y = 0; y < w->height; y++)
+        for (int32_t x = 0; x < w->width; x++)
+            if (neighbour(w, x, y) && !smooth_here(w, x, y) && floats(w, x, y))
+                verdict[(size_t)y * (size_t)w->width + (size_t)x] = 1;
+#pragma omp parallel for schedule(static) reduction(+ : refused)
+    for (int32_t y = 0; y < w->height; y++)
+        for (int32_t x = 0; x < w->width; x++) {
+            size_t i = (size_t)y * (size_t)w->width + (size_t)x;
+            if (!verdict[i])
+                continue;
+            w->refused[i]++;
+            candidate_set(w, i, heaviest(w, i));
+            refused++;
+        }
+    free(verdict);
+    return refused;
+}
+
+static enum st refuse_mixed(struct work *w, int64_t *out_refused) {
+    enum { ROUNDS = CLUSTER_LAYERS };
+    for (int round = 0; round < ROUNDS; round++) {
+        int64_t refused = refuse_round(w);
+        if (refused < 0)
+            return ST_NOMEM;
+        *out_refused += refused;
+        if (!refused)
+            break;
+        gradients(w);
+    }
+    return ST_OK;
+}
+
+/* ---- results ---- */
+
+static double sigma_at(const struct work *w, const struct candidate *c,
+                       const struct cluster_layer *layer, double range_m) {
+    const struct camera *camera = &w->image->camera;
+    double samples = (double)c->sigma_per_m * (double)c->sigma_per_m;
+    /* The gradient is good to about sigma / sqrt(6) per px (3 x 3 neighbours, half of them new). */
+    double away2 = (double)(layer->du_px * layer->du_px + layer->dv_px * layer->dv_px);
+    double gradient = samples * away2 / 3.0;
+    double ju = (double)c->gu * camera->fx_px * w->params->sigma_angle_rad;
+    double jv = (double)c->gv * camera->fy_px * w->params->sigma_angle_rad;
+    double count = (double)(layer->count & CLUSTER_COUNT_MAX);
+    double angle = (ju * ju + jv * jv) * fmin(1.0, 1.78 / count); /* 1.78: bilinear weights */
+    double system = w->params->sigma_system_m * (double)c->disparity_per_m / range_m;
+    return sqrt(samples + gradient + angle + system * system);
+}
+
+static uint8_t flags_at(const struct work *w, size_t i, const struct cluster_layer *layer,
+                        double sigma_per_m, double range_m) {
+    const struct cluster_pixel *pixel = w->image->px + i;
+    const struct resolve_params *p = w->params;
+    uint8_t flags = 0;
+    if (!(layer->count & CLUSTER_OWN))
+        flags |= PHOTO_FILLED;
+    float strong = (float)p->mixed_ratio * layer->weight;
+    bool mixed = pixel->none_weight > strong || w->refused[i] > 0;
+    for (uint32_t k = 0; k < pixel->layer_count; k++)
+        if (pixel->layers + k != layer && pixel->layers[k].weight > strong)
+            mixed = true;
+    if (mixed)
+        flags |= PHOTO_MIXED;
+    double sigma_m = sigma_per_m * range_m / (double)layer->disparity_per_m;
+    if (sigma_m > p->low_confidence * range_m && sigma_m > p->low_confidence_m)
+        flags |= PHOTO_LOW_CONFIDENCE;
+    return flags;
+}
+
+static uint8_t nothing_at(const struct work *w, size_t i) {
+    const struct cluster_pixel *pixel = w->image->px + i;
+    float heaviest_weight = pixel->layer_count ? pixel->layers[0].weight : 0.0f;
+    if (w->refused[i])
+        return PHOTO_DROPPED | PHOTO_MIXED;
+    if (pixel->none_weight > (float)w->params->min_weight && pixel->none_weight > heaviest_weight &&
+        pixel->none_weight >= pixel->dropped_weight)
+        return PHOTO_NO_RETURN;
+    if (pixel->dropped_weight > 0.0f || heaviest_weight > 0.0f || pixel->none_weight > 0.0f)
+        return PHOTO_DROPPED;
+    return 0;
+}
+
+static void write_pixel(const struct work *w, size_t i, int colour, struct photo *photo) {
+    const struct candidate *c = w->candidates + i;
+    const struct cluster_layer *layer = heaviest(w, i);
+    if (!layer) {
+        photo->disparity_per_m[i] = NAN;
+        photo->confidence[i] = 0;
+        photo->flags[i] = nothing_at(w, i);
+        return;
+    }
+    float delta = layer->disparity_per_m - c->gu * layer->du_px - c->gv * layer->dv_px;
+    if (!(delta > 0.0f && isfinite(delta))) /* steeper than the samples bear out */
+        delta = layer->disparity_per_m;
+    const struct camera *camera = &w->image->camera;
+    struct vec3 ray =
+        camera_pinhole_ray(camera, (double)(i % (size_t)w->width), (double)(i / (size_t)w->width));
+    double range_m = vec3_norm(ray) / (double)delta;
+    double sigma = sigma_at(w, c, layer, range_m);
+    photo->disparity_per_m[i] = delta;
+    photo->confidence[i] = photo_confidence_from_sigma(sigma);
+    photo->flags[i] = flags_at(w, i, layer, sigma, range_m);
+    if (colour)
+        for (int k = 0; k < 3; k++)
+            photo->rgb[3 * i + (size_t)k] = (uint8_t)(layer->rgb[k] >> 8);
+}
+
+static void count_flags(const struct photo *photo, struct resolve_counts *counts) {
+    size_t pixels = (size_t)photo->camera.width_px * (size_t)photo->camera.height_px;
+    for (size_t i = 0; i < pixels; i++) {
+        uint8_t f = photo->flags[i];
+        if (isnan(photo->disparity_per_m[i])) {
+            counts->no_return += (f & PHOTO_NO_RETURN) != 0;
+            counts->dropped += (f & PHOTO_DROPPED) != 0;
+            counts->unseen += !(f & (PHOTO_NO_RETURN | PHOTO_DROPPED));
+            continue;
+        }
+        if (f & PHOTO_SKY) {
+            counts->sky++;
+            continue;
+        }
+        counts->valid++;
+        counts->filled += (f & PHOTO_FILLED) != 0;
+        counts->mixed += (f & PHOTO_MIXED) != 0;
+        counts->low_confidence += (f & PHOTO_LOW_CONFIDENCE) != 0;
+    }
+}
+
+static struct work work_make(struct layer_image *image, const struct resolve_params *params) {
+    double f = fmin(image->camera.fx_px, image->camera.fy_px);
+    struct work w = {.image = image,
+                     .params = params,
+                     .rule = {.sigmas = (float)image->params.cluster_sigmas,
+                              .slope_per_px = (float)(tan(image->params.grazing_rad) / f)},
+                     .width = image->camera.width_px,
+                     .height = image->camera.height_px};
+    double strip_px = params->beam_rad * f + image->params.splat_px;
+    w.reach = strip_px < 1.0 ? 2 : strip_px > 7.0 ? 8 : 1 + (int)ceil(strip_px);
+    return w;
+}
+
+enum st resolve_photo(struct layer_image *image, const struct resolve_params *params, int colour,
+                      struct photo *out_photo, struct resolve_counts *out_counts,
+                      struct errctx *err) {
+    if (image->camera.width_px != out_photo->camera.width_px ||
+        image->camera.height_px != out_photo->camera.height_px)
+        return errctx_set(err, ST_INVALID, "the photograph has another size than its layers");
+    struct work w = work_make(image, params);
+    size_t pixels = (size_t)w.width * (size_t)w.height;
+    struct resolve_counts counts = {0};
+    enum st st = ST_OK;
+    w.candidates = malloc(pixels * sizeof *w.candidates);
+    w.refused = calloc(pixels, 1);
+    if (!w.candidates || !w.refused) {
+        st = errctx_set(err, ST_NOMEM, "no memory to resolve %zu pixels", pixels);
+        goto out;
+    }
+    choose_first(&w);
+    gradients(&w);
+    if (!params->plain_mean) {
+        merge_steep(&w);
+        gradients(&w);
+        if (params->refuse_mixed)
+            st = refuse_mixed(&w, &counts.refused);
+        if (st) {
+            (void)errctx_set(err, st, "no memory to resolve %zu pixels", pixels);
+            goto out;
+        }
+    }
+    out_photo->camera = image->camera;
+    out_photo->station_from_cam = image->station_from_cam;
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < pixels; i++)
+        write_pixel(&w, i, colour, out_photo);
+    st = sky_mark(out_photo, params->sky_elevation_rad, err);
+    if (st)
+        goto out;
+    count_flags(out_photo, &counts);
+    if (out_counts)
+        *out_counts = counts;
+out:
+    free(w.candidates);
+    free(w.refused);
+    return st;
+}
