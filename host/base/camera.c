@@ -209,13 +209,12 @@ static bool invert_fast(const struct camera *cam, const double d[2], double xy[2
     for (int i = 0; i < MAX_STEPS; i++) {
         double step[2];
         double residual = newton_step(cam, d, xy, step);
-        if (residual <= 1e-3 * residual_max(d))
+        if (residual <= 1e-2 * residual_max(d))
             return true;
         xy[0] += step[0];
         xy[1] += step[1];
     }
-    double step[2];
-    return newton_step(cam, d, xy, step) <= residual_max(d);
+    return false;
 }
 
 /* Share of `step` to take so as to stay inside |xy| < r: all of it, or most of the way to the

@@ -163,13 +163,13 @@ enum st pose_look_at(struct vec3 eye_m, struct vec3 target_m, struct vec3 up_w,
 double pose_orthonormality_error(const struct mat3 *r) {
     struct mat3 t = mat3_transpose(r);
     struct mat3 p = mat3_mul(&t, r);
-    double worst = fabs(mat3_det(r) - 1.0);
+    double worst = fabs(mat3_det(r) - 1.0), sum = worst;
     for (int i = 0; i < 9; i++) {
         double e = fabs(p.m[i] - (i % 4 == 0 ? 1.0 : 0.0));
-        if (!(e <= worst)) /* NaN is the worst */
-            worst = e;
+        worst = e > worst ? e : worst;
+        sum += e;
     }
-    return worst;
+    return isnan(sum) ? sum : worst; /* NaN is the worst */
 }
 
 /* The inverse of the transpose: rows are cross products over the determinant. */
