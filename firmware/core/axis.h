@@ -21,11 +21,12 @@ enum axis_flag { /* bits of pan_flags and tilt_flags */
 
 enum axis_homing {
     AXIS_HOMING_OFF = 0,
-    AXIS_HOMING_SEEK = 1,   /* fast, negative, until the home switch closes */
-    AXIS_HOMING_STOP = 2,   /* ramping down inside the switch's zone */
-    AXIS_HOMING_EDGE = 3,   /* slow, positive, until it opens: that edge is home_position */
-    AXIS_HOMING_SETTLE = 4, /* ramping down behind the edge */
-    AXIS_HOMING_FAILED = 5  /* the whole travel without an edge, or a limit switch */
+    AXIS_HOMING_LEAVE = 1,  /* fast, positive, out of the home switch's zone, if it starts there */
+    AXIS_HOMING_SEEK = 2,   /* fast, negative, until the home switch closes */
+    AXIS_HOMING_STOP = 3,   /* ramping down inside the zone, at least the backlash deep */
+    AXIS_HOMING_EDGE = 4,   /* slow, positive, until it opens: that edge is home_position */
+    AXIS_HOMING_SETTLE = 5, /* ramping down behind the edge */
+    AXIS_HOMING_FAILED = 6  /* the whole travel without an edge, or a limit switch */
 };
 
 /* Everything that a move needs to know; copied from the holding registers by core/cregs. */
@@ -52,10 +53,10 @@ struct axis {
     int32_t leg;           /* where the current leg of the move ends */
     int32_t target;        /* where the move ends; differs from leg for run-ups and reversals */
     uint32_t leg_velocity; /* velocity limit of the move */
+    uint16_t run_up;       /* steps over which the move must end in positive direction */
     bool active;           /* a move is not finished */
     bool homed;
-    uint8_t homing;     /* enum axis_homing */
-    uint32_t home_left; /* steps that the current homing phase may still take */
+    uint8_t homing; /* enum axis_homing */
     int32_t home_error;
     uint8_t switches; /* AXIS_AT_* bits of the last sample */
 };

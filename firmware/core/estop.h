@@ -23,8 +23,8 @@ struct estop_inputs {
     bool limit_closed; /* any limit switch */
     bool pan_homing_failed, tilt_homing_failed;
     uint8_t pan_homing, tilt_homing; /* phase, for the context */
-    bool mirror_in_range, mirror_stalled;
-    uint16_t mirror_mrps, mirror_max_mrps;
+    bool mirror_in_range, mirror_too_fast, mirror_stalled;
+    uint16_t mirror_mrps;
     uint32_t host_silence_ms, host_timeout_ms;
     uint16_t stack_free, stack_min;
     bool clock_ok;

@@ -5,6 +5,7 @@
 #define SC_CORE_EVRING_H
 
 #include "firmware/shared/idxevent.h"
+#include <stdbool.h>
 
 #define EVRING_SIZE 64u /* events, a power of two: 6 s of a mirror at 10 rev/s */
 

@@ -29,6 +29,7 @@
 #define FIRMWARE_VERSION_MAJOR 0
 #define FIRMWARE_VERSION_MINOR 1
 #define FIRMWARE_VERSION_PATCH 0
+#define FIRMWARE_VERSION_TEXT  "0.1.0"
 
 /* Longest pass of firmware_poll before FAULT_LOOP trips, flash writes excepted. */
 #define FIRMWARE_LOOP_LIMIT_MS 50u
@@ -57,6 +58,8 @@ struct firmware {
     uint64_t loop_us;  /* last start of firmware_poll */
     bool flash_busy;   /* commission_save runs: ticks may be late */
     uint16_t host_timeout_ms;
+    int16_t temperature_max;
+    bool commissioned;
     uint32_t ticks; /* since reset */
     /* main loop only */
     struct mblink link;
@@ -110,5 +113,9 @@ void firmware_isr_rx_idle(void);
 /* Optional: the clock security system has reported a failure (non-maskable interrupt allowed: trips
  * at once). */
 void firmware_isr_clock_failure(void);
+
+/* Everything that moves stops at once: axes, mirror drive, scan, camera. For core/ctlcmd and the
+ * safety tick; the outputs themselves are core/estop's. Interrupts, or under the lock. */
+void firmware_halt(struct firmware *fw);
 
 #endif

@@ -24,9 +24,8 @@ struct mbslave_model {
                              uint16_t *out_words);
     /* `count` 1 to 1968 bits, one byte each. */
     enum mbexc (*write_coils)(void *ctx, uint16_t start, unsigned count, const uint8_t *bits);
-    /* `count` 1 to 123 words. With `check_only` nothing is changed: would it be accepted? */
-    enum mbexc (*write_words)(void *ctx, uint16_t start, unsigned count, const uint16_t *words,
-                              bool check_only);
+    /* `count` 1 to 123 words. */
+    enum mbexc (*write_words)(void *ctx, uint16_t start, unsigned count, const uint16_t *words);
     /* A request for this unit was accepted by its CRC, before it is carried out. Not for
      * broadcasts. */
     void (*heard)(void *ctx);
@@ -42,11 +41,13 @@ struct mbslave {
     uint8_t unit; /* 1 to 247 */
     uint8_t rx[MBFRAME_MAX];
     uint16_t rx_count;
-    bool rx_overlong;
+    bool rx_spoilt;
     uint8_t tx[MBFRAME_MAX];
     union {
         uint8_t bits[MBSLAVE_BITS_MAX];
-        uint16_t words[128];
+        struct {
+            uint16_t in[128], out[128];
+        } words;
     } scratch;
     uint32_t frames_ok, frames_bad, exceptions;
 };
@@ -57,6 +58,9 @@ void mbslave_init(struct mbslave *slave, uint8_t unit, const struct mbslave_mode
 /* One received byte. More than 256 without an idle event: the whole frame is dropped. Constant
  * time. */
 void mbslave_byte(struct mbslave *slave, uint8_t byte);
+
+/* A byte was damaged on the line: the frame it belongs to will be dropped. */
+void mbslave_spoil(struct mbslave *slave);
 
 /* The line has been silent for the end-of-frame gap: judges and carries out what has come. Returns
  * the length of the reply in slave->tx (0: stay silent), which is valid until the next

@@ -8,6 +8,10 @@
 
 #define MIRRORCTL_WINDOW 16 /* ticks over which the encoder speed is taken: 8 ms */
 
+/* Revolutions at safe speed without an index pulse that are borne while the encoder says that the
+ * mirror turns; without an encoder it is one. */
+#define MIRRORCTL_BLIND 3
+
 struct mirrorctl_params {
     uint16_t safe_mrps, max_mrps;  /* 0.001 rev/s */
     uint16_t feed, gain, integral; /* 0.01 % per rev/s, per rev/s, per revolution */
@@ -30,7 +34,8 @@ struct mirrorctl {
     uint8_t window_at, window_fill;
     int32_t encoder_mrps; /* speed over the window, -1 unknown */
     bool in_range;
-    uint16_t speed_mrps; /* worst measured speed, for registers and fault context */
+    bool too_fast;
+    uint16_t speed_mrps; /* an upper bound of the speed now, from index and encoder */
 };
 
 void mirrorctl_init(struct mirrorctl *mirror, const struct mirrorctl_params *params);
@@ -41,9 +46,10 @@ uint16_t mirrorctl_target(struct mirrorctl *mirror, uint16_t target_mrps, uint64
 /* Everything off at once (a fault). */
 void mirrorctl_abort(struct mirrorctl *mirror);
 
-/* An index pulse captured at `t_us`. Returns false if it came too early to be one (more than twice
- * max_mrps) and was ignored. Sets mirror->drive. Index interrupt; two divisions. */
-bool mirrorctl_index(struct mirrorctl *mirror, uint64_t t_us);
+/* An index pulse captured at `t_us`, `turns` >= 1 revolutions after the last (more than one if the
+ * encoder says that pulses were missed). Returns false if it came too early to be one (more than
+ * twice max_mrps) and was ignored. Sets mirror->drive. Index interrupt; two divisions. */
+bool mirrorctl_index(struct mirrorctl *mirror, uint64_t t_us, uint16_t turns);
 
 /* Every tick, with the encoder's counter: updates in_range and speed_mrps. Two divisions. */
 void mirrorctl_tick(struct mirrorctl *mirror, uint64_t now_us, uint16_t encoder_count);

@@ -19,6 +19,7 @@
 #include <stdint.h>
 
 #define RAMP_FINE             256u      /* fine units in a tick of 1 us */
+#define RAMP_VELOCITY_MIN     100u      /* 0.001 steps/s */
 #define RAMP_VELOCITY_MAX     50000000u /* 0.001 steps/s */
 #define RAMP_ACCELERATION_MAX 1000000u
 #define RAMP_ACCELERATION_MIN 100u
@@ -31,6 +32,7 @@ struct ramp {
     uint32_t acceleration;
     uint64_t w_max; /* velocity_max^2 */
     uint64_t g;     /* 2 a 10^6 */
+    uint32_t cap;   /* more remaining steps than this cannot matter yet: bounds g * remaining */
     /* the state at the step that comes next */
     uint32_t remaining; /* steps to the target after that step */
     uint64_t w;         /* at that step */

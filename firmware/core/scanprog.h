@@ -15,6 +15,7 @@ struct scanprog {
     uint32_t lines;
     uint16_t overruns;
     bool overran; /* this revolution */
+    bool run_up;  /* on the way to the point from which a negative sweep's start is approached */
 };
 
 void scanprog_init(struct scanprog *scan);

@@ -10,6 +10,9 @@ struct firmware;
  * lock. */
 void stepsched_arm(struct firmware *fw);
 
+/* The AXIS_AT_* bits of an axis among the bits of enum hal_input. */
+uint8_t stepsched_switches(uint32_t pins, enum hal_axis axis);
+
 /* Step interrupt: makes the due steps of both axes, tells core/strobe and core/scanprog, arms
  * again. Budget 15 us. */
 void stepsched_alarm(struct firmware *fw);
