@@ -35,8 +35,8 @@ struct files_entry {
     int64_t utc_ns;
 };
 
-/* Stores bytes. The same bytes of the same kind again cost a look-up. ST_INVALID for an empty file
- * or an extension that is not 1..7 of a-z 0-9; ST_FULL, ST_IO: nothing is stored. */
+/* Stores bytes. Bytes that the site has already, of whatever kind, cost a look-up. ST_INVALID for
+ * an empty file or an extension that is not 1..7 of a-z 0-9; ST_FULL, ST_IO: nothing is stored. */
 ST_MUST_CHECK enum st files_put(struct site *site, enum files_kind kind, const char *extension,
                                 const void *bytes, size_t size_bytes,
                                 uint8_t out_sha256[HASH_SHA256_BYTES], struct errctx *err);

@@ -39,7 +39,8 @@ struct job {
     int64_t utc_ns; /* output only */
 };
 
-/* Stores a finished job; id, utc_ns are ignored. A job with the same key replaces the older one.
+/* Stores a finished job; id, utc_ns are ignored. Of jobs with the same key the newest
+ * counts.
  * ST_FORMAT if the parameters are not a JSON object; ST_NOT_FOUND if an input or output that is not
  * `outside` is not in the site; ST_INVALID. */
 ST_MUST_CHECK enum st job_add(struct site *site, const struct job *job, int64_t *out_id,

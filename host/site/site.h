@@ -42,7 +42,7 @@ enum {
 struct site; /* an open site */
 
 enum site_mode {
-    SITE_READ, /* changes nothing; works on read-only media if the site was closed properly */
+    SITE_READ, /* changes no content; works on read-only media if the site was closed properly */
     SITE_WRITE /* the only writer; older schemas are brought up to date */
 };
 

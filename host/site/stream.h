@@ -108,8 +108,8 @@ ST_MUST_CHECK enum st stream_ledger_list(struct site *site, int64_t stream_id, i
                                          size_t *out_count, struct errctx *err);
 
 /* Reads the chunks of a stream in order, from sequence number `first_sequence` on. Many readers may
- * be open at once; close them before the site. A reader sees the stream as it was when it was
- * opened, and new chunks if it is asked again after the end. */
+ * be open at once; close them before the site. Chunks committed meanwhile are seen, also after the
+ * end was reached. */
 struct stream_reader;
 ST_MUST_CHECK enum st stream_reader_open(struct site *site, int64_t id, int64_t first_sequence,
                                          struct stream_reader **out_reader, struct errctx *err);
