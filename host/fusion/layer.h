@@ -31,7 +31,7 @@ struct layer_params {
 };
 enum { LAYER_MAX_SPLAT_PX = 16 };
 
-/* splat 1, 4 sigmas, 80 degrees, 5 mm, 0.1 mm, 1. */
+/* splat 1, 3 sigmas, 75 degrees, 5 mm, 0.1 mm, 1. */
 struct layer_params layer_params_default(void);
 
 struct layer_image {

@@ -14,6 +14,7 @@ struct candidate {
     float sigma_per_m;     /* of the mean, from the samples */
     float u_px, v_px;      /* mean place of the samples, in the image */
     float gu, gv;          /* gradient of the surface, 1/m per px; 0 where unknown */
+    float var_factor;      /* variance at the pixel's centre over that of the mean */
 };
 
 struct work {
@@ -23,13 +24,14 @@ struct work {
     struct candidate *candidates; /* [height][width] */
     uint8_t *refused;             /* layers refused so far */
     int32_t width, height;
-    int reach; /* half window of the test for mixed pixels, px */
+    int32_t stride; /* pixels this far apart do not share their samples */
+    int32_t strip;  /* how wide a strip of split beams can be, px */
 };
 
 struct resolve_params resolve_params_default(void) {
-    struct resolve_params params = {.min_weight = 0.05,
+    struct resolve_params params = {.min_weight = 0.001,
                                     .mixed_ratio = 0.4,
-                                    .agree_sigmas = 4.0,
+                                    .agree_sigmas = 3.0,
                                     .sigma_angle_rad = 0.0,
                                     .beam_rad = 0.0,
                                     .sigma_system_m = 0.0,
@@ -45,11 +47,7 @@ struct resolve_params resolve_params_default(void) {
 
 static void candidate_set(const struct work *w, size_t i, const struct cluster_layer *layer) {
     struct candidate *c = w->candidates + i;
-    float gu = c->gu, gv = c->gv;
-    memset(c, 0, sizeof *c);
     c->disparity_per_m = NAN;
-    c->gu = gu;
-    c->gv = gv;
     if (!layer)
         return;
     c->disparity_per_m = layer->disparity_per_m;
@@ -96,7 +94,7 @@ static void choose_first(struct work *w) {
             flatten(w->image->px + i);
         else
             cluster_merge(w->image->px + i, &w->rule, NAN, NAN);
-        w->candidates[i].gu = w->candidates[i].gv = 0.0f;
+        memset(w->candidates + i, 0, sizeof w->candidates[i]);
         candidate_set(w, i, heaviest(w, i));
     }
 }
@@ -115,13 +113,13 @@ static float noise_of(const struct work *w, const struct candidate *a, const str
            sqrtf(a->sigma_per_m * a->sigma_per_m + b->sigma_per_m * b->sigma_per_m);
 }
 
-/* True if the five candidates in a row around (x, y) lie on one line, or the four where one is
- * missing: a surface however steep. Their slope goes to out_slope. */
+/* True if five candidates in a row around (x, y) lie on one line: a surface however steep. Their
+ * slope goes to out_slope. */
 static bool steep_line(const struct work *w, int32_t x, int32_t y, int32_t dx, int32_t dy,
                        float *out_slope) {
     const struct candidate *c[5];
     for (int k = 0; k < 5; k++) {
-        c[k] = neighbour(w, x + (k - 2) * dx, y + (k - 2) * dy);
+        c[k] = neighbour(w, x + (k - 2) * dx * w->stride, y + (k - 2) * dy * w->stride);
         if (!c[k])
             return false;
     }
@@ -150,11 +148,17 @@ static bool steep_line(const struct work *w, int32_t x, int32_t y, int32_t dx, i
 }
 
 struct plane_sums {
-    float n, u, v, d, uu, uv, vv, ud, vd;
+    float n, u, v, d, uu, uv, vv, ud, vd; /* relative to the pixel's own mean place */
+    float same;                           /* pixels that share its samples, itself included */
 };
 
-/* Gradient by least squares over the neighbours that agree; false if they do not determine it. */
-static bool gradient_fit(const struct plane_sums *s, float *out_gu, float *out_gv) {
+/* Gradient by least squares over the neighbours that agree; false if they do not determine it.
+ *
+ * Moving the mean by -c to the centre takes d_i - c.g with g = S^-1 sum (p_j - p) d_j. Where
+ * samples are few, `same` pixels share the very sample of this one, and the variance of the result
+ * is, in units of its own, 1 - 2 same c.S^-1 (p_i - p) + same c.S^-1 c. */
+static bool gradient_fit(const struct plane_sums *s, int32_t x, int32_t y,
+                         const struct candidate *me, struct candidate *out) {
     if (s->n < 3.0f)
         return false;
     float uu = s->uu - s->u * s->u / s->n, uv = s->uv - s->u * s->v / s->n;
@@ -163,14 +167,20 @@ static bool gradient_fit(const struct plane_sums *s, float *out_gu, float *out_g
     float det = uu * vv - uv * uv;
     if (!(det > 0.25f)) /* px^4; a 3 x 3 grid has 36, three neighbours in an L about 0.5 */
         return false;
-    *out_gu = (ud * vv - vd * uv) / det;
-    *out_gv = (vd * uu - ud * uv) / det;
+    out->gu = (ud * vv - vd * uv) / det;
+    out->gv = (vd * uu - ud * uv) / det;
+    float cu = me->u_px - (float)x, cv = me->v_px - (float)y;
+    float hu = (cu * vv - cv * uv) / det, hv = (cv * uu - cu * uv) / det; /* S^-1 c */
+    float self = -hu * s->u / s->n - hv * s->v / s->n, all = hu * cu + hv * cv;
+    float factor = 1.0f - 2.0f * s->same * self + s->same * all;
+    out->var_factor = factor < 0.25f ? 0.25f : factor > 4.0f ? 4.0f : factor;
     return true;
 }
 
 static void gradient_at(const struct work *w, int32_t x, int32_t y, struct candidate *out) {
     const struct candidate *me = neighbour(w, x, y);
     out->gu = out->gv = 0.0f;
+    out->var_factor = 1.0f;
     if (!me)
         return;
     struct plane_sums s = {0};
@@ -188,8 +198,10 @@ static void gradient_at(const struct work *w, int32_t x, int32_t y, struct candi
             s.u += u, s.v += v, s.d += d;
             s.uu += u * u, s.uv += u * v, s.vv += v * v;
             s.ud += u * d, s.vd += v * d;
+            float away = fabsf(u) + fabsf(v);
+            s.same += away < 0.5f ? 1.0f - 2.0f * away : 0.0f;
         }
-    bool found = gradient_fit(&s, &out->gu, &out->gv);
+    bool found = gradient_fit(&s, x, y, me, out);
     if (found && s.n >= 8.0f)
         return;
     float steep_u, steep_v;
@@ -199,130 +211,174 @@ static void gradient_at(const struct work *w, int32_t x, int32_t y, struct candi
         out->gv = steep_v;
 }
 
-static void gradients(struct work *w) {
+/* Where `only` is not 0; NULL: everywhere. */
+static void gradients(struct work *w, const uint8_t *only) {
 #pragma omp parallel for schedule(dynamic, 8)
     for (int32_t y = 0; y < w->height; y++)
-        for (int32_t x = 0; x < w->width; x++)
-            gradient_at(w, x, y, w->candidates + (size_t)y * (size_t)w->width + (size_t)x);
+        for (int32_t x = 0; x < w->width; x++) {
+            size_t i = (size_t)y * (size_t)w->width + (size_t)x;
+            if (!only || only[i])
+                gradient_at(w, x, y, w->candidates + i);
+        }
+}
+
+/* Marks what a change at (x, y) can influence. */
+static void dirty_around(const struct work *w, uint8_t *dirty, int32_t x, int32_t y) {
+    int32_t reach = 2 * w->strip + 1;
+    for (int32_t j = y - reach; j <= y + reach; j++)
+        for (int32_t i = x - reach; i <= x + reach; i++)
+            if (i >= 0 && j >= 0 && i < w->width && j < w->height)
+                dirty[(size_t)j * (size_t)w->width + (size_t)i] = 1;
 }
 
 /* On surfaces steeper than the clustering made room for, one surface has several layers: now that
  * its gradient is known, join them. */
-static void merge_steep(struct work *w) {
-    size_t pixels = (size_t)w->width * (size_t)w->height;
-#pragma omp parallel for schedule(static)
-    for (size_t i = 0; i < pixels; i++) {
-        struct cluster_pixel *pixel = w->image->px + i;
-        const struct candidate *c = w->candidates + i;
-        if (pixel->layer_count < 2 || isnan(c->disparity_per_m) || (c->gu == 0.0f && c->gv == 0.0f))
-            continue;
-        cluster_merge(pixel, &w->rule, c->gu, c->gv);
-        candidate_set(w, i, heaviest(w, i));
-    }
+static int64_t merge_steep(struct work *w, uint8_t *touched) {
+    int64_t merged = 0;
+#pragma omp parallel for schedule(dynamic, 8) reduction(+ : merged)
+    for (int32_t y = 0; y < w->height; y++)
+        for (int32_t x = 0; x < w->width; x++) {
+            size_t i = (size_t)y * (size_t)w->width + (size_t)x;
+            struct cluster_pixel *pixel = w->image->px + i;
+            const struct candidate *c = w->candidates + i;
+            uint32_t before = pixel->layer_count;
+            if (before < 2 || isnan(c->disparity_per_m) || (c->gu == 0.0f && c->gv == 0.0f))
+                continue;
+            cluster_merge(pixel, &w->rule, c->gu, c->gv);
+            w->refused[i] = pixel->layer_count < before; /* borrowed until the loop has ended */
+            merged += w->refused[i];
+        }
+    memset(touched, 0, (size_t)w->width * (size_t)w->height);
+    for (int32_t y = 0; merged && y < w->height; y++)
+        for (int32_t x = 0; x < w->width; x++) {
+            size_t i = (size_t)y * (size_t)w->width + (size_t)x;
+            if (!w->refused[i])
+                continue;
+            w->refused[i] = 0;
+            candidate_set(w, i, heaviest(w, i));
+            dirty_around(w, touched, x, y);
+        }
+    return merged;
 }
 
 /* ---- mixed pixels ---- */
 
-struct support {
-    int same, near, far;
-};
-
-static struct support support_at(const struct work *w, int32_t x, int32_t y) {
-    struct support s = {0};
-    const struct candidate *me = neighbour(w, x, y);
-    float bend = 0.25f * w->rule.slope_per_px * me->disparity_per_m;
-    for (int32_t dy = -w->reach; dy <= w->reach; dy++)
-        for (int32_t dx = -w->reach; dx <= w->reach; dx++) {
-            const struct candidate *c = neighbour(w, x + dx, y + dy);
-            if (!c)
-                continue;
-            float u = c->u_px - me->u_px, v = c->v_px - me->v_px;
-            float off = c->disparity_per_m - me->disparity_per_m - me->gu * u - me->gv * v;
-            float room = noise_of(w, me, c) + bend * (fabsf(u) + fabsf(v));
-            if (off > room)
-                s.near++;
-            else if (off < -room)
-                s.far++;
-            else
-                s.same++;
-        }
-    return s;
-}
-
-/* Whether the other layers of the pixel put the candidate between a nearer and a farther surface.
- */
-static bool alone_between(const struct work *w, int32_t x, int32_t y) {
-    size_t i = (size_t)y * (size_t)w->width + (size_t)x;
-    const struct cluster_layer *layer = heaviest(w, i);
-    return layer && (layer->count & CLUSTER_COUNT_MAX) <= 1;
-}
-
-/* A cluster between near and far that does not fill its share of the window is a split beam's. A
- * straight border of a surface leaves it half of the window, a corner a quarter. */
-static bool floats(const struct work *w, int32_t x, int32_t y) {
-    struct support s = support_at(w, x, y);
-    if (!s.near || !s.far)
-        return false;
-    int all = s.same + s.near + s.far;
-    if (alone_between(w, x, y))
-        return 2 * s.same < all;
-    return 5 * s.same < 2 * all;
-}
-
-/* Quick test on the 3 x 3 neighbourhood: is anything here not smooth? */
+/* Quick test on the 3 x 3 neighbourhood: do the four lines through the pixel bend? */
 static bool smooth_here(const struct work *w, int32_t x, int32_t y) {
+    static const int32_t lines[4][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
     const struct candidate *me = neighbour(w, x, y);
-    float slope = w->rule.slope_per_px * me->disparity_per_m;
-    for (int32_t dy = -1; dy <= 1; dy++)
-        for (int32_t dx = -1; dx <= 1; dx++) {
-            const struct candidate *c = neighbour(w, x + dx, y + dy);
-            if (!c)
-                return false;
-            float room = noise_of(w, me, c) + slope;
-            if (fabsf(c->disparity_per_m - me->disparity_per_m) > room)
-                return false;
-        }
+    float slope = 0.1f * w->rule.slope_per_px * me->disparity_per_m;
+    for (int k = 0; k < 4; k++) {
+        const struct candidate *a = neighbour(w, x - lines[k][0], y - lines[k][1]);
+        const struct candidate *b = neighbour(w, x + lines[k][0], y + lines[k][1]);
+        if (!a || !b)
+            return false;
+        float off = a->disparity_per_m + b->disparity_per_m - 2.0f * me->disparity_per_m;
+        float var = a->sigma_per_m * a->sigma_per_m + b->sigma_per_m * b->sigma_per_m +
+                    4.0f * me->sigma_per_m * me->sigma_per_m;
+        if (fabsf(off) > (float)w->params->agree_sigmas * sqrtf(var) + slope)
+            return false;
+    }
     return true;
 }
 
-/* One round: every pixel judges by the candidates as they were, so order and threads do not matter.
+/* Whether the window holds what is clearly nearer and what is clearly farther than the candidate.
  */
-static int64_t refuse_round(struct work *w) {
-    int64_t refused = 0;
-    uint8_t *verdict = calloc((size_t)w->width * (size_t)w->height, 1);
-    if (!verdict)
-        return -1;
+static bool between(const struct work *w, int32_t x, int32_t y) {
+    const struct candidate *me = neighbour(w, x, y);
+    int32_t reach = w->strip + 1;
+    bool near = false, far = false;
+    for (int32_t dy = -reach; dy <= reach; dy++)
+        for (int32_t dx = -reach; dx <= reach; dx++) {
+            const struct candidate *c = neighbour(w, x + dx, y + dy);
+            if (!c)
+                continue;
+            float step = c->disparity_per_m - me->disparity_per_m;
+            float room = noise_of(w, me, c);
+            near |= step > room;
+            far |= step < -room;
+        }
+    return near && far;
+}
+
+/* In how many of eight directions a surface leads up to the candidate: what lies one and two strip
+ * widths away foretells it, on a straight line in disparity. */
+static int directions_supported(const struct work *w, int32_t x, int32_t y) {
+    static const int32_t directions[8][2] = {{1, 0},  {1, 1},   {0, 1},  {-1, 1},
+                                             {-1, 0}, {-1, -1}, {0, -1}, {1, -1}};
+    const struct candidate *me = neighbour(w, x, y);
+    float bend = 0.1f * w->rule.slope_per_px * me->disparity_per_m * (float)w->strip;
+    int supported = 0;
+    for (int k = 0; k < 8; k++) {
+        int32_t dx = directions[k][0] * w->strip, dy = directions[k][1] * w->strip;
+        const struct candidate *a = neighbour(w, x + dx, y + dy);
+        const struct candidate *b = neighbour(w, x + 2 * dx, y + 2 * dy);
+        if (!a || !b)
+            continue;
+        float ta = (a->u_px - me->u_px) * (float)directions[k][0] +
+                   (a->v_px - me->v_px) * (float)directions[k][1];
+        float tb = (b->u_px - me->u_px) * (float)directions[k][0] +
+                   (b->v_px - me->v_px) * (float)directions[k][1];
+        if (!(tb - ta > 0.25f * (float)w->strip))
+            continue;
+        float wa = tb / (tb - ta), wb = -ta / (tb - ta);
+        float off = me->disparity_per_m - wa * a->disparity_per_m - wb * b->disparity_per_m;
+        float var = me->sigma_per_m * me->sigma_per_m + wa * wa * a->sigma_per_m * a->sigma_per_m +
+                    wb * wb * b->sigma_per_m * b->sigma_per_m;
+        supported += fabsf(off) <= (float)w->params->agree_sigmas * sqrtf(var) + bend;
+    }
+    return supported;
+}
+
+/* A split beam's cluster lies between a nearer and a farther surface, and a surface leads up to it
+ * at most from two sides: along the edge. A straight border of a surface has three sides or more, a
+ * corner three. */
+static bool floats(const struct work *w, int32_t x, int32_t y) {
+    return !smooth_here(w, x, y) && between(w, x, y) && directions_supported(w, x, y) <= 2;
+}
+
+/* One round over the dirty pixels: each judges by the candidates as they were, so order and threads
+ * do not matter. Returns how many were refused and leaves in `dirty` what has to be judged again.
+ */
+static int64_t refuse_round(struct work *w, uint8_t *dirty, uint8_t *verdict) {
+    size_t pixels = (size_t)w->width * (size_t)w->height;
 #pragma omp parallel for schedule(dynamic, 8)
-    for (int32_t y = 0; y < w->height; y++)
-        for (int32_t x = 0; x < w->width; x++)
-            if (neighbour(w, x, y) && !smooth_here(w, x, y) && floats(w, x, y))
-                verdict[(size_t)y * (size_t)w->width + (size_t)x] = 1;
-#pragma omp parallel for schedule(static) reduction(+ : refused)
     for (int32_t y = 0; y < w->height; y++)
         for (int32_t x = 0; x < w->width; x++) {
             size_t i = (size_t)y * (size_t)w->width + (size_t)x;
-            if (!verdict[i])
-                continue;
-            w->refused[i]++;
-            candidate_set(w, i, heaviest(w, i));
-            refused++;
+            verdict[i] = dirty[i] && neighbour(w, x, y) && floats(w, x, y);
         }
-    free(verdict);
+    int64_t refused = 0;
+    memset(dirty, 0, pixels);
+    for (size_t i = 0; i < pixels; i++) {
+        if (!verdict[i])
+            continue;
+        w->refused[i]++;
+        candidate_set(w, i, heaviest(w, i));
+        dirty_around(w, dirty, (int32_t)(i % (size_t)w->width), (int32_t)(i / (size_t)w->width));
+        refused++;
+    }
     return refused;
 }
 
 static enum st refuse_mixed(struct work *w, int64_t *out_refused) {
-    enum { ROUNDS = CLUSTER_LAYERS };
-    for (int round = 0; round < ROUNDS; round++) {
-        int64_t refused = refuse_round(w);
-        if (refused < 0)
-            return ST_NOMEM;
-        *out_refused += refused;
-        if (!refused)
-            break;
-        gradients(w);
+    enum { ROUNDS = 2 * CLUSTER_LAYERS };
+    size_t pixels = (size_t)w->width * (size_t)w->height;
+    uint8_t *dirty = malloc(pixels), *verdict = malloc(pixels);
+    enum st st = dirty && verdict ? ST_OK : ST_NOMEM;
+    if (!st) {
+        memset(dirty, 1, pixels);
+        for (int round = 0; round < ROUNDS; round++) {
+            int64_t refused = refuse_round(w, dirty, verdict);
+            *out_refused += refused;
+            if (!refused)
+                break;
+            gradients(w, dirty);
+        }
     }
-    return ST_OK;
+    free(dirty);
+    free(verdict);
+    return st;
 }
 
 /* ---- results ---- */
@@ -330,16 +386,13 @@ static enum st refuse_mixed(struct work *w, int64_t *out_refused) {
 static double sigma_at(const struct work *w, const struct candidate *c,
                        const struct cluster_layer *layer, double range_m) {
     const struct camera *camera = &w->image->camera;
-    double samples = (double)c->sigma_per_m * (double)c->sigma_per_m;
-    /* The gradient is good to about sigma / sqrt(6) per px (3 x 3 neighbours, half of them new). */
-    double away2 = (double)(layer->du_px * layer->du_px + layer->dv_px * layer->dv_px);
-    double gradient = samples * away2 / 3.0;
+    double samples = (double)(c->sigma_per_m * c->sigma_per_m * c->var_factor);
     double ju = (double)c->gu * camera->fx_px * w->params->sigma_angle_rad;
     double jv = (double)c->gv * camera->fy_px * w->params->sigma_angle_rad;
     double count = (double)(layer->count & CLUSTER_COUNT_MAX);
     double angle = (ju * ju + jv * jv) * fmin(1.0, 1.78 / count); /* 1.78: bilinear weights */
     double system = w->params->sigma_system_m * (double)c->disparity_per_m / range_m;
-    return sqrt(samples + gradient + angle + system * system);
+    return sqrt(samples + angle + system * system);
 }
 
 static uint8_t flags_at(const struct work *w, size_t i, const struct cluster_layer *layer,
@@ -429,8 +482,10 @@ static struct work work_make(struct layer_image *image, const struct resolve_par
                               .slope_per_px = (float)(tan(image->params.grazing_rad) / f)},
                      .width = image->camera.width_px,
                      .height = image->camera.height_px};
-    double strip_px = params->beam_rad * f + image->params.splat_px;
-    w.reach = strip_px < 1.0 ? 2 : strip_px > 7.0 ? 8 : 1 + (int)ceil(strip_px);
+    /* The bilinear weight adds half of the splat. */
+    double strip_px = params->beam_rad * f + 0.5 * (image->params.splat_px + 1.0);
+    w.stride = (int32_t)ceil(image->params.splat_px);
+    w.strip = strip_px < 8.0 ? (int32_t)ceil(strip_px - 0.5) : 8;
     return w;
 }
 
@@ -443,18 +498,20 @@ enum st resolve_photo(struct layer_image *image, const struct resolve_params *pa
     struct work w = work_make(image, params);
     size_t pixels = (size_t)w.width * (size_t)w.height;
     struct resolve_counts counts = {0};
+    uint8_t *touched = NULL;
     enum st st = ST_OK;
     w.candidates = malloc(pixels * sizeof *w.candidates);
     w.refused = calloc(pixels, 1);
-    if (!w.candidates || !w.refused) {
+    touched = malloc(pixels);
+    if (!w.candidates || !w.refused || !touched) {
         st = errctx_set(err, ST_NOMEM, "no memory to resolve %zu pixels", pixels);
         goto out;
     }
     choose_first(&w);
-    gradients(&w);
+    gradients(&w, NULL);
     if (!params->plain_mean) {
-        merge_steep(&w);
-        gradients(&w);
+        if (merge_steep(&w, touched))
+            gradients(&w, touched);
         if (params->refuse_mixed)
             st = refuse_mixed(&w, &counts.refused);
         if (st) {
@@ -476,5 +533,6 @@ enum st resolve_photo(struct layer_image *image, const struct resolve_params *pa
 out:
     free(w.candidates);
     free(w.refused);
+    free(touched);
     return st;
 }
