@@ -279,7 +279,8 @@ enum st dequantise(const struct image_f32 *map, const struct dequantise_options 
     }
     for (int32_t i = count - 1; i >= 0; i--) {
         refine(&levels[i], i + 1 < count ? &levels[i + 1] : NULL, 0.5f * options->step);
-        /* Halving the pixels along a side pays for twice the iterations, which a smooth shape needs. */
+        /* Halving the pixels along a side pays for twice the iterations, which a smooth shape
+         * needs. */
         solve_level(&levels[i], 0.5f * options->step, iterations << (i < 5 ? i : 5));
     }
     write_result(&levels[0], options->step, out_map, out_sigma);
