@@ -51,8 +51,10 @@ enum { MPS2_WDOG_INTERRUPT = 1 << 0, MPS2_WDOG_RESET = 1 << 1 };
 #define MPS2_FPGAIO_COUNTER  CORTEXM_REG(0x40028018u)
 #define MPS2_FPGAIO_PRESCALE CORTEXM_REG(0x4002801cu)
 
-/* 16 MB of PSRAM; its first KiB stands in for the flash record. */
-#define MPS2_PSRAM 0x21000000u
+/* 16 MB of PSRAM. Its first KiB stands in for the flash record; a word behind it, which the emulator
+ * may fill at start, is the end-of-frame gap in us if it lies in 500 to 1 000 000. */
+#define MPS2_PSRAM      0x21000000u
+#define MPS2_GAP_OPTION CORTEXM_REG(MPS2_PSRAM + 0x400u)
 
 enum mps2_irq {
     MPS2_IRQ_UART0_RX = 0,

@@ -247,6 +247,9 @@ void port_main(void) {
     survivor.magic = survivor_magic;
     survivor.cause = RESETCAUSE_PIN; /* a reset that is not announced */
 
+    if (MPS2_GAP_OPTION >= 500 && MPS2_GAP_OPTION <= 1000000)
+        board.frame_gap_us = MPS2_GAP_OPTION;
+
     MPS2_FPGAIO_PRESCALE = MPS2_CLOCKS_US - 1;
     MPS2_FPGAIO_COUNTER = 0;
     plant_init(&plant, 0);

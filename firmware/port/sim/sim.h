@@ -46,6 +46,10 @@ struct sim_config {
     uint32_t baud;
     uint32_t frame_gap_us; /* 0: from the baud rate */
     uint32_t poll_us;      /* time between passes of the main loop; >= 1 */
+    uint32_t poll_slip_us; /* time that passes, with its interrupts, at each end of an interrupt
+                            * lock in the main loop: shows races between the two. 0 none */
+    uint32_t clock_start;  /* hal_time_now at power-up: to test its wrap-around */
+    uint32_t flash_us;     /* time that a flash write takes */
     bool pin_interrupts;   /* safety inputs also raise firmware_isr_pins */
     bool encoder;          /* HAL_CAP_ENCODER */
     bool lossless_line;    /* bytes take no time: requests are answered one frame gap later */

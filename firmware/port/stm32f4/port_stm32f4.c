@@ -37,18 +37,23 @@ static void isr_nmi(void) {
     }
 }
 
-static uint32_t serial_number(void) {
-    uint32_t serial = CORTEXM_REG(BOARD_SERIAL_ADDRESS);
-    return serial == 0xffffffffu ? 0 : serial;
+enum { FRAME_GAP_MIN_US = 500, FRAME_GAP_MAX_US = 1000000 };
+
+/* What production wrote into this board. */
+static void read_board_data(void) {
+    uint32_t serial = CORTEXM_REG(BOARD_DATA_ADDRESS), gap_us = CORTEXM_REG(BOARD_DATA_ADDRESS + 4);
+    board.serial = serial == 0xffffffffu ? 0 : serial;
+    if (gap_us >= FRAME_GAP_MIN_US && gap_us <= FRAME_GAP_MAX_US)
+        board.frame_gap_us = gap_us;
 }
 
 void port_main(void) {
     safety_stm32f4_pins(); /* before anything that takes time: laser and motors off */
     board.reset_cause = safety_stm32f4_reset_cause();
-    board.serial = serial_number();
+    read_board_data();
     clock_stm32f4_init();
     timers_stm32f4_init();
-    uart_stm32f4_init();
+    uart_stm32f4_init(board.frame_gap_us);
     safety_stm32f4_init();
     firmware_init();
 

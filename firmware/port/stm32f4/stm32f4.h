@@ -56,7 +56,8 @@ void timers_stm32f4_isr_tim5(void); /* captures and step alarm */
 /* Mirror's power stage: the timer's outputs follow only after this, until the next break. */
 void timers_stm32f4_mirror_output(bool on);
 
-void uart_stm32f4_init(void);
+/* `gap_us`: silence that ends a frame; above 60 ms only the core looks for it. */
+void uart_stm32f4_init(uint32_t gap_us);
 void uart_stm32f4_isr(void);
 void uart_stm32f4_isr_tim7(void); /* rest of the end-of-frame gap */
 

@@ -9,13 +9,13 @@
 #define USART_CR1_PCE (1u << 10) /* parity, even */
 #define USART_CR1_M   (1u << 12) /* 9 bits, the last is the parity */
 
-enum { CHARACTER_BITS = 11 };
+enum { CHARACTER_BITS = 11, GAP_TIMER_MAX_US = 60000 };
 
 static const uint8_t *send_next;
 static volatile unsigned send_left;
 static volatile bool send_busy;
 
-void uart_stm32f4_init(void) {
+void uart_stm32f4_init(uint32_t gap_us) {
     const struct stm32f4_clocks *clocks = clock_stm32f4();
     RCC->APB2ENR |= RCC_APB2_USART1;
     cortexm_barrier();
@@ -25,9 +25,9 @@ void uart_stm32f4_init(void) {
 
     TIM7->CR1 = TIM_CR1_OPM | TIM_CR1_URS;
     TIM7->PSC = clocks->apb1_timer_hz / 1000000u - 1;
-    TIM7->ARR = BOARD_FRAME_GAP_US - CHARACTER_BITS * 1000000u / BOARD_BAUD;
+    TIM7->ARR = gap_us - CHARACTER_BITS * 1000000u / BOARD_BAUD;
     TIM7->EGR = TIM_EGR_UG;
-    TIM7->DIER = TIM_DIER_UIE;
+    TIM7->DIER = gap_us <= GAP_TIMER_MAX_US ? TIM_DIER_UIE : 0;
 }
 
 static void gap_timer_stop(void) {
