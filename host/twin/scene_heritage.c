@@ -1,25 +1,8 @@
 /* `heritage`: a vaulted church. Nave of four bays between two aisles, columns with capitals, groin
  * vaults with ribs, clerestory windows through which the sun falls, niches with statues, a tomb, a
- * balustrade before the choir, a glass case, an iron gate. x runs along the nave to the east, y to
- * the north. */
+ * balustrade before the choir, a glass case, an iron gate. */
+#include "twin/heritage.h"
 #include "twin/noise3.h"
-#include "twin/scene_build.h"
-
-#include <math.h>
-
-enum { BAYS = 4 };
-static const double pi = 3.14159265358979323846;
-static const double bay_m = 4.5, nave_half_m = 3.5, aisle_out_m = 6.6, west_m = -9, east_m = 9;
-static const double wall_m = 0.7, column_top_m = 4.3, arcade_top_m = 6.9, spring_m = 8.4,
-                    rise_m = 3.2;
-static const double aisle_spring_m = 4.9, aisle_rise_m = 1.3, choir_step_m = 0.36, choir_x_m = 5.2;
-
-struct heritage {
-    struct scene *scene;
-    double detail;
-    uint16_t ashlar, stone, plaster, marble, floor, iron, wood, glass, bronze, gold, velvet, wax,
-        flame;
-};
 
 static struct material stuff(const char *name, enum material_kind kind,
                              enum material_texture texture, const float rgb[3], const float rgb2[3],
@@ -104,17 +87,6 @@ static void add_other_materials(struct heritage *h) {
     h->flame = scene_add_material(h->scene, m);
 }
 
-static struct shaper part_at(const struct heritage *h, uint16_t material, double x, double y,
-                             double z, double yaw) {
-    return scene_shaper(h->scene, material, shaper_frame(vec3_make(x, y, z), yaw, 0, 0));
-}
-
-/* A frame whose local xy plane is upright: local x along the wall, y up, thickness along -z. */
-static struct shaper upright(const struct heritage *h, uint16_t material, double x, double y,
-                             double yaw) {
-    return scene_shaper(h->scene, material, shaper_frame(vec3_make(x, y, 0), yaw, 0, pi / 2));
-}
-
 /* ---- walls with openings ---- */
 
 enum { ARC_MAX = 40, OUTLINE_MAX = ARC_MAX + 12 };
@@ -140,7 +112,7 @@ static void shape_panel(const struct heritage *h, const struct shaper *s, const 
             outline[n++] = (struct vec2){a, p->z0_m};
         }
         for (int i = 0; i <= arc; i++) {
-            double t = pi / 2 * i / arc;
+            double t = heritage_pi / 2 * i / arc;
             if (i == 0 && p->spring_m <= p->z0_m)
                 continue; /* the corner is there already */
             outline[n++] = (struct vec2){a * cos(t), p->spring_m + p->half_m * sin(t)};
@@ -164,7 +136,7 @@ static void shape_archivolt(const struct heritage *h, const struct shaper *s, do
     struct vec3 path[POINTS];
     double radius[POINTS];
     for (int i = 0; i < POINTS; i++) {
-        double t = pi * i / (POINTS - 1);
+        double t = heritage_pi * i / (POINTS - 1);
         path[i] = vec3_make(half_m * cos(t), spring + half_m * sin(t), z_m);
         radius[i] = radius_m;
     }
@@ -180,11 +152,11 @@ struct shaft_ctx {
 
 static struct vec3 shaft_at(const void *ctx, double u, double v) {
     const struct shaft_ctx *c = ctx;
-    double r = c->r0_m + (c->r1_m - c->r0_m) * v + 0.012 * sin(pi * v); /* entasis */
+    double r = c->r0_m + (c->r1_m - c->r0_m) * v + 0.012 * sin(heritage_pi * v); /* entasis */
     double ends = fmin(1, fmin(v, 1 - v) * 25);
-    double flute = fabs(sin(c->flutes * pi * u));
+    double flute = fabs(sin(c->flutes * heritage_pi * u));
     r -= 0.028 * ends * (1 - flute * flute * flute);
-    double t = 2 * pi * u;
+    double t = 2 * heritage_pi * u;
     return vec3_make(r * cos(t), r * sin(t), c->z0_m + (c->z1_m - c->z0_m) * v);
 }
 
@@ -194,10 +166,11 @@ static struct vec3 bell_at(const void *ctx, double u, double v) {
     double r = c->r0_m + (c->r1_m - c->r0_m) * v * v;
     double row = v < 0.5 ? v / 0.5 : (v - 0.5) / 0.5;
     double phase = v < 0.5 ? 0 : 0.5;
-    double leaf = pow(fabs(cos(pi * (8 * u + phase))), 0.6);
-    double vein = 1 - 0.25 * fabs(sin(pi * 5 * (8 * u + phase)));
-    r += 0.055 * leaf * vein * pow(row, 2.2) * (1 - 0.75 * noise3_smooth(0.9f, 1.0f, (float)row));
-    double t = 2 * pi * u, square = 1 + 0.08 * v * v * cos(4 * t + pi);
+    double leaf = pow(fabs(cos(heritage_pi * (8 * u + phase))), 0.6);
+    double vein = 1 - 0.25 * fabs(sin(heritage_pi * 5 * (8 * u + phase)));
+    r += 0.055 * leaf * vein * pow(row, 2.2) *
+         (1 - 0.75 * (double)noise3_smooth(0.9f, 1.0f, (float)row));
+    double t = 2 * heritage_pi * u, square = 1 + 0.08 * v * v * cos(4 * t + heritage_pi);
     return vec3_make(r * square * cos(t), r * square * sin(t), c->z0_m + (c->z1_m - c->z0_m) * v);
 }
 
@@ -236,10 +209,11 @@ static struct vec3 groin_at(const void *ctx, double u, double v) {
                      c->spring_m + c->rise_m * fmax(hx, hy));
 }
 
-static struct vec3 barrel_at(const void *ctx, double u, double v) {
+/* Half a barrel that rises from the outer wall to the nave; depth_m is signed, towards the nave. */
+static struct vec3 half_barrel_at(const void *ctx, double u, double v) {
     const struct vault_ctx *c = ctx;
-    double t = pi * v;
-    return vec3_make((u - 0.5) * c->width_m, -cos(t) * c->depth_m / 2,
+    double t = heritage_pi / 2 * v;
+    return vec3_make((u - 0.5) * c->width_m, (0.5 - cos(t)) * c->depth_m,
                      c->spring_m + c->rise_m * sin(t));
 }
 
@@ -250,7 +224,7 @@ static void add_rib(const struct heritage *h, const struct shaper *s, double x, 
     struct vec3 path[POINTS];
     double radius[POINTS];
     for (int i = 0; i < POINTS; i++) {
-        double t = -cos(pi * i / (POINTS - 1));
+        double t = -cos(heritage_pi * i / (POINTS - 1));
         path[i] = vec3_make(x + t * dx_m, t * dy_m, spring_m + rise_m * sqrt(fmax(0, 1 - t * t)));
         radius[i] = dx_m == 0 ? 0.17 : 0.10;
     }
@@ -259,8 +233,6 @@ static void add_rib(const struct heritage *h, const struct shaper *s, double x, 
 
 static void add_vaults(const struct heritage *h) {
     struct vault_ctx nave = {bay_m, 2 * nave_half_m, spring_m, rise_m};
-    struct vault_ctx aisle = {BAYS * bay_m, aisle_out_m - nave_half_m, aisle_spring_m,
-                              aisle_rise_m};
     int cells = scene_scaled(64, h->detail, 16);
     struct shaper ribs = part_at(h, h->stone, 0, 0, 0, 0);
     for (int i = 0; i < BAYS; i++) {
@@ -276,82 +248,11 @@ static void add_vaults(const struct heritage *h) {
     for (int i = 0; i <= BAYS; i++)
         add_rib(h, &ribs, west_m + i * bay_m, 0, nave_half_m);
     for (int side = -1; side <= 1; side += 2) {
+        struct vault_ctx aisle = {BAYS * bay_m, -side * (aisle_out_m - nave_half_m), aisle_spring_m,
+                                  aisle_rise_m};
         struct shaper s = part_at(h, h->plaster, 0, side * (aisle_out_m + nave_half_m) / 2, 0, 0);
-        shape_grid(&s, barrel_at, &aisle, cells, cells, 0);
+        shape_grid(&s, half_barrel_at, &aisle, cells, cells, 0);
     }
-}
-
-/* ---- statues ---- */
-
-struct figure {
-    uint32_t seed;
-    float raise; /* of the right hand, 0 at the chest .. 1 above the head */
-    float turn;  /* of the head */
-    int staff;
-};
-
-static float figure_distance(const void *ctx, struct sdf_point p) {
-    const struct figure *f = ctx;
-    float angle = atan2f(p.y, p.x), low = noise3_smooth(1.15f, 0.25f, p.z);
-    float robe = sdf_limb(p, sdf_at(0, 0, 0.05f), sdf_at(0.015f, 0, 1.05f), 0.27f, 0.165f);
-    robe = fmaxf(robe, -p.z + 0.0f);
-    robe += 0.016f * low *
-            sinf(13 * angle + 5 * noise3_gradient(p.x * 3, p.y * 3, p.z * 1.3f, f->seed));
-    robe += 0.012f * noise3_gradient(p.x * 9, p.y * 9, p.z * 3, f->seed + 1);
-    float chest = sdf_ellipsoid(p, 0.01f, 0, 1.18f, 0.13f, 0.2f, 0.24f);
-    float body = sdf_join(robe, chest, 0.12f);
-    /* cloak: a shell that hangs from the shoulders, open in front */
-    float cloak = sdf_limb(p, sdf_at(-0.06f, 0, 0.35f), sdf_at(-0.03f, 0, 1.32f), 0.27f, 0.19f);
-    cloak = fmaxf(fabsf(cloak) - 0.016f, p.x - 0.06f - 0.05f * sinf(7 * p.z + (float)f->seed));
-    cloak += 0.012f * sinf(17 * angle + 4 * p.z);
-    body = sdf_join(body, cloak, 0.03f);
-    struct sdf_point shoulder_r = sdf_at(0.0f, -0.19f, 1.3f),
-                     shoulder_l = sdf_at(0.0f, 0.19f, 1.3f);
-    struct sdf_point elbow_r = sdf_at(0.08f, -0.3f, 1.05f + 0.15f * f->raise);
-    struct sdf_point hand_r = sdf_at(0.27f, -0.16f - 0.08f * f->raise, 1.12f + 0.5f * f->raise);
-    struct sdf_point elbow_l = sdf_at(0.05f, 0.29f, 1.04f), hand_l = sdf_at(0.24f, 0.05f, 1.12f);
-    float arms = fminf(sdf_limb(p, shoulder_r, elbow_r, 0.075f, 0.08f),
-                       sdf_limb(p, elbow_r, hand_r, 0.075f, 0.036f));
-    arms = fminf(arms, sdf_limb(p, shoulder_l, elbow_l, 0.075f, 0.08f));
-    arms = fminf(arms, sdf_limb(p, elbow_l, hand_l, 0.075f, 0.036f));
-    arms = fminf(arms, fminf(sdf_ellipsoid(p, hand_r.x, hand_r.y, hand_r.z, 0.05f, 0.035f, 0.055f),
-                             sdf_ellipsoid(p, hand_l.x, hand_l.y, hand_l.z, 0.05f, 0.04f, 0.045f)));
-    body = sdf_join(body, arms, 0.05f);
-    /* head: skull, jaw, nose, hair, in a frame turned about z */
-    float c = cosf(f->turn), s = sinf(f->turn);
-    struct sdf_point q = sdf_at(c * p.x + s * p.y, -s * p.x + c * p.y, p.z);
-    float head = sdf_ellipsoid(q, 0.015f, 0, 1.58f, 0.1f, 0.083f, 0.125f);
-    head = sdf_join(head, sdf_ellipsoid(q, 0.055f, 0, 1.51f, 0.055f, 0.05f, 0.06f), 0.03f);
-    head = sdf_join(
-        head, sdf_limb(q, sdf_at(0.11f, 0, 1.6f), sdf_at(0.128f, 0, 1.555f), 0.01f, 0.017f), 0.02f);
-    head = sdf_cut(head, sdf_ball(q, 0.125f, 0.036f, 1.6f, 0.022f), 0.02f);
-    head = sdf_cut(head, sdf_ball(q, 0.125f, -0.036f, 1.6f, 0.022f), 0.02f);
-    float hair = sdf_ellipsoid(q, -0.02f, 0, 1.57f, 0.105f, 0.098f, 0.145f);
-    hair = fmaxf(hair, q.x - 0.055f) +
-           0.012f * noise3_gradient(q.x * 25, q.y * 25, q.z * 10, f->seed + 2);
-    head = sdf_join(head, hair, 0.015f);
-    head = sdf_join(head, sdf_limb(p, sdf_at(0, 0, 1.3f), sdf_at(0.01f, 0, 1.5f), 0.065f, 0.055f),
-                    0.05f);
-    body = sdf_join(body, head, 0.02f);
-    if (f->staff) {
-        struct sdf_point foot = sdf_at(0.3f, hand_r.y, 0), top = sdf_at(0.25f, hand_r.y, 1.95f);
-        body = fminf(body, sdf_limb(p, foot, top, 0.017f, 0.015f));
-        body = fminf(body, sdf_ball(p, top.x, top.y, top.z, 0.045f));
-    }
-    float plinth = sdf_box(sdf_at(p.x - 0.04f, p.y, p.z + 0.02f), 0.33f, 0.33f, 0.05f, 0.01f);
-    return fminf(body, plinth);
-}
-
-static void add_statue(const struct heritage *h, const struct figure *f, uint16_t material,
-                       double x, double y, double z, double yaw) {
-    struct shaper s = part_at(h, material, x, y, z, yaw);
-    struct sdf_job job = {.distance = figure_distance,
-                          .ctx = f,
-                          .min = {-0.45, -0.48, -0.1},
-                          .max = {0.5, 0.48, 2.1},
-                          .cell_m = 0.012 / h->detail,
-                          .slack = 1.6};
-    sdf_mesh(&s, &job);
 }
 
 /* ---- niches in the outer walls ---- */
@@ -363,12 +264,12 @@ struct niche_ctx {
 /* u around from one edge to the other, v up: a half cylinder, then a quarter sphere. */
 static struct vec3 niche_at(const void *ctx, double u, double v) {
     const struct niche_ctx *c = ctx;
-    double t = pi * u,
-           wall = (c->spring_m - c->sill_m) / (c->spring_m - c->sill_m + pi / 2 * c->half_m);
+    double t = heritage_pi * u, wall = (c->spring_m - c->sill_m) /
+                                       (c->spring_m - c->sill_m + heritage_pi / 2 * c->half_m);
     if (v <= wall)
         return vec3_make(c->half_m * cos(t), c->sill_m + (c->spring_m - c->sill_m) * v / wall,
                          -c->half_m * sin(t));
-    double e = pi / 2 * (v - wall) / (1 - wall);
+    double e = heritage_pi / 2 * (v - wall) / (1 - wall);
     double shell = 1 + 0.035 * sin(e) * cos(18 * t) * cos(e); /* scalloped like a shell */
     return vec3_make(c->half_m * cos(t) * cos(e) * shell, c->spring_m + c->half_m * sin(e) * shell,
                      -c->half_m * sin(t) * cos(e) * shell);
@@ -377,7 +278,7 @@ static struct vec3 niche_at(const void *ctx, double u, double v) {
 /* One bay of the outer wall at y = side * aisle_out_m with a niche and a statue in it. */
 static void add_niche_bay(const struct heritage *h, int bay, int side) {
     double x = west_m + (bay + 0.5) * bay_m, y = side * (aisle_out_m + wall_m / 2);
-    double yaw = side > 0 ? 0 : pi; /* the frame's +z faces the aisle */
+    double yaw = side > 0 ? 0 : heritage_pi; /* the frame's +z faces the aisle */
     struct shaper wall = upright(h, h->ashlar, x, y, yaw);
     struct panel panel = {bay_m, 0, aisle_spring_m + aisle_rise_m, 0.62, 0.95, 2.75};
     shape_panel(h, &wall, &panel);
@@ -398,8 +299,9 @@ static void add_niche_bay(const struct heritage *h, int bay, int side) {
                        .raise = (float)(seed * 3 % 5) / 5,
                        .turn = 0.5f * ((float)(seed * 7 % 5) / 2 - 1),
                        .staff = seed % 3 == 1};
-    add_statue(h, &f, seed % 4 == 2 ? h->bronze : h->marble, x, y + side * (-wall_m / 2 + 0.12),
-               1.0, side > 0 ? -pi / 2 : pi / 2);
+    heritage_statue(h, &f, seed % 4 == 2 ? h->bronze : h->marble,
+                    shaper_frame(vec3_make(x, y + side * (-wall_m / 2 + 0.12), 1.0),
+                                 side > 0 ? -heritage_pi / 2 : heritage_pi / 2, 0, 0));
 }
 
 /* ---- shell of the building ---- */
@@ -433,7 +335,7 @@ static void add_clerestory(const struct heritage *h) {
 static void add_end_walls(const struct heritage *h) {
     double top_m = spring_m + rise_m + 0.3;
     /* west: a portal with a wooden door; east: three blind bays behind the altar */
-    struct shaper west = upright(h, h->ashlar, west_m - wall_m / 2, 0, pi / 2);
+    struct shaper west = upright(h, h->ashlar, west_m - wall_m / 2, 0, heritage_pi / 2);
     struct panel portal = {2 * nave_half_m, 0, top_m, 1.15, 0, 2.4};
     shape_panel(h, &west, &portal);
     struct shaper door = part_at(h, h->wood, west_m - 0.25, 0, 0, 0);
@@ -444,16 +346,17 @@ static void add_end_walls(const struct heritage *h) {
     for (int i = 0; i < 3; i++)
         shape_box(&hinge, vec3_make(0, -1.1, 0.5 + 1.1 * i), vec3_make(0.015, 1.1, 0.57 + 1.1 * i),
                   0.005);
-    struct shaper trim = upright(h, h->stone, west_m - wall_m / 2, 0, pi / 2);
+    struct shaper trim = upright(h, h->stone, west_m - wall_m / 2, 0, heritage_pi / 2);
     for (int k = 0; k < 3; k++)
         shape_archivolt(h, &trim, 1.2 + 0.14 * k, 2.4, wall_m / 2 + 0.05 - 0.04 * k, 0.06);
-    struct shaper east = upright(h, h->plaster, east_m + wall_m / 2, 0, pi / 2);
+    struct shaper east = upright(h, h->plaster, east_m + wall_m / 2, 0, heritage_pi / 2);
     struct panel blind = {2 * nave_half_m, 0, top_m, 1.0, 6.2, 8.2}; /* an east window */
     shape_panel(h, &east, &blind);
     for (int side = -1; side <= 1; side += 2)
         for (int end = -1; end <= 1; end += 2) {
             double y = side * (aisle_out_m + nave_half_m) / 2, width = aisle_out_m - nave_half_m;
-            struct shaper s = upright(h, h->ashlar, end * (east_m + wall_m / 2), y, pi / 2);
+            struct shaper s =
+                upright(h, h->ashlar, end * (east_m + wall_m / 2), y, heritage_pi / 2);
             if (side > 0 && end > 0) { /* arch to the chapel behind the gate */
                 struct panel arch = {width, 0, aisle_spring_m + aisle_rise_m, 1.05, 0, 2.5};
                 shape_panel(h, &s, &arch);
@@ -479,214 +382,7 @@ static void add_floor(const struct heritage *h) {
     shape_box(&step, vec3_make(choir_x_m, -w, 0), vec3_make(east_m, w, choir_step_m), 0.012);
 }
 
-/* ---- furniture ---- */
-
-static void add_balustrade(const struct heritage *h) {
-    static const struct vec2 baluster[] = {
-        {0.075, 0.10}, {0.08, 0.12}, {0.06, 0.15},  {0.05, 0.18},  {0.07, 0.26},
-        {0.088, 0.34}, {0.08, 0.44}, {0.055, 0.55}, {0.042, 0.66}, {0.045, 0.70},
-        {0.065, 0.73}, {0.06, 0.76}, {0.05, 0.78},  {0.075, 0.82}};
-    int around = scene_scaled(36, h->detail, 12);
-    for (int side = -1; side <= 1; side += 2) {
-        double y0 = side * 0.8, y1 = side * (nave_half_m - 0.65);
-        double x = choir_x_m + 0.25;
-        struct shaper s = part_at(h, h->marble, x, 0, choir_step_m, 0);
-        double lo = fmin(y0, y1), hi = fmax(y0, y1);
-        shape_box(&s, vec3_make(-0.13, lo, 0), vec3_make(0.13, hi, 0.1), 0.01);
-        shape_box(&s, vec3_make(-0.15, lo - 0.02, 0.82), vec3_make(0.15, hi + 0.02, 0.95), 0.025);
-        shape_box(&s, vec3_make(-0.17, y0 - 0.17, 0), vec3_make(0.17, y0 + 0.17, 1.02), 0.02);
-        shape_ellipsoid(&s, vec3_make(0, y0, 1.15), vec3_make(0.14, 0.14, 0.14), around);
-        for (int i = 0; i < 9; i++) {
-            double y = y0 + (y1 - y0) * (i + 0.9) / 9.4;
-            struct shaper post = part_at(h, h->marble, x, y, choir_step_m, 0);
-            shape_lathe(&post, baluster, sizeof baluster / sizeof baluster[0], around);
-            shape_box(&post, vec3_make(-0.08, -0.08, 0.09), vec3_make(0.08, 0.08, 0.11), 0);
-        }
-    }
-}
-
-static void add_altar(const struct heritage *h) {
-    struct shaper stone = part_at(h, h->marble, 7.6, 0, choir_step_m, 0);
-    shape_box(&stone, vec3_make(-0.5, -1.2, 0), vec3_make(0.5, 1.2, 0.12), 0.01);
-    shape_box(&stone, vec3_make(-0.38, -1.05, 0.12), vec3_make(0.38, 1.05, 0.94), 0.015);
-    shape_box(&stone, vec3_make(-0.48, -1.25, 0.94), vec3_make(0.48, 1.25, 1.04), 0.02);
-    struct shaper cloth = part_at(h, h->velvet, 7.6, 0, choir_step_m, 0);
-    shape_box(&cloth, vec3_make(-0.505, -0.6, 0.45), vec3_make(0.505, 0.6, 1.055), 0.01);
-    struct shaper gold = part_at(h, h->gold, 7.75, 0, choir_step_m + 1.05, 0);
-    shape_box(&gold, vec3_make(-0.03, -0.03, 0), vec3_make(0.03, 0.03, 0.95), 0.005);
-    shape_box(&gold, vec3_make(-0.03, -0.26, 0.6), vec3_make(0.03, 0.26, 0.66), 0.005);
-    static const struct vec2 stick[] = {{0.09, 0.0},   {0.1, 0.02},   {0.03, 0.06}, {0.025, 0.2},
-                                        {0.045, 0.23}, {0.025, 0.26}, {0.02, 0.44}, {0.06, 0.47}};
-    for (int side = -1; side <= 1; side += 2)
-        for (int k = 0; k < 2; k++) {
-            double y = side * (0.65 + 0.32 * k);
-            struct shaper s = part_at(h, h->gold, 7.65, y, choir_step_m + 1.04, 0);
-            shape_lathe(&s, stick, sizeof stick / sizeof stick[0], scene_scaled(32, h->detail, 10));
-            struct shaper wax = part_at(h, h->wax, 7.65, y, choir_step_m + 1.5, 0);
-            shape_bar(&wax, vec3_make(0, 0, 0), vec3_make(0, 0, 0.28 - 0.06 * k), 0.02, 16);
-            struct shaper flame = part_at(h, h->flame, 7.65, y, choir_step_m + 1.82 - 0.06 * k, 0);
-            shape_ellipsoid(&flame, vec3_make(0, 0, 0), vec3_make(0.009, 0.009, 0.028), 12);
-        }
-}
-
-/* A stone tomb in the south aisle with a sleeping figure on it. */
-static void add_tomb(const struct heritage *h) {
-    struct shaper s = part_at(h, h->stone, -2.25, -5.4, 0, 0);
-    shape_box(&s, vec3_make(-1.15, -0.5, 0), vec3_make(1.15, 0.5, 0.16), 0.02);
-    shape_box(&s, vec3_make(-1.02, -0.4, 0.16), vec3_make(1.02, 0.4, 0.78), 0.01);
-    shape_box(&s, vec3_make(-1.12, -0.48, 0.78), vec3_make(1.12, 0.48, 0.9), 0.025);
-    for (int i = 0; i < 5; i++) { /* blind arcade along the side */
-        struct shaper shield = part_at(h, h->marble, -2.25 - 0.8 + 0.4 * i, -5.4 + 0.4, 0.47, 0);
-        shape_ellipsoid(&shield, vec3_make(0, 0, 0), vec3_make(0.13, 0.035, 0.18),
-                        scene_scaled(32, h->detail, 12));
-    }
-    static const struct figure sleeper = {.seed = 91, .raise = 0.05f, .turn = 0.1f};
-    struct pose lying = shaper_frame(vec3_make(-2.25 + 0.85, -5.4, 1.06), pi, -pi / 2, 0);
-    lying.t_m.x = -2.25 - 0.85;
-    struct shaper body = scene_shaper(h->scene, h->marble, shaper_frame(lying.t_m, pi, -pi / 2, 0));
-    struct sdf_job job = {.distance = figure_distance,
-                          .ctx = &sleeper,
-                          .min = {-0.45, -0.48, -0.1},
-                          .max = {0.5, 0.48, 1.85},
-                          .cell_m = 0.012 / h->detail,
-                          .slack = 1.6};
-    sdf_mesh(&body, &job);
-}
-
-static void add_glass_case(const struct heritage *h) {
-    double x = -6.7, y = 5.1, z0 = 0.85, z1 = 1.7, a = 0.42;
-    struct shaper base = part_at(h, h->wood, x, y, 0, 0);
-    shape_box(&base, vec3_make(-a - 0.04, -a - 0.04, 0), vec3_make(a + 0.04, a + 0.04, 0.1), 0.01);
-    shape_box(&base, vec3_make(-a, -a, 0.1), vec3_make(a, a, z0 - 0.05), 0.01);
-    shape_box(&base, vec3_make(-a - 0.03, -a - 0.03, z0 - 0.05), vec3_make(a + 0.03, a + 0.03, z0),
-              0.01);
-    struct shaper cloth = part_at(h, h->velvet, x, y, z0, 0);
-    shape_box(&cloth, vec3_make(-0.3, -0.3, 0), vec3_make(0.3, 0.3, 0.03), 0.008);
-    struct shaper pane = part_at(h, h->glass, x, y, 0, 0);
-    struct vec3 lo[4] = {{-a, -a, z0}, {a, -a, z0}, {a, a, z0}, {-a, a, z0}};
-    for (int i = 0; i < 4; i++) {
-        struct vec3 p = lo[i], q = lo[(i + 1) % 4];
-        shape_quad(&pane, p, q, vec3_make(q.x, q.y, z1), vec3_make(p.x, p.y, z1));
-    }
-    shape_quad(&pane, vec3_make(-a, -a, z1), vec3_make(a, -a, z1), vec3_make(a, a, z1),
-               vec3_make(-a, a, z1));
-    struct shaper frame = part_at(h, h->bronze, x, y, 0, 0);
-    for (int i = 0; i < 4; i++) {
-        struct vec3 p = lo[i], q = lo[(i + 1) % 4];
-        shape_bar(&frame, p, vec3_make(p.x, p.y, z1), 0.01, 8);
-        shape_bar(&frame, vec3_make(p.x, p.y, z1), vec3_make(q.x, q.y, z1), 0.01, 8);
-    }
-    static const struct vec2 vase[] = {{0.001, 0.03},  {0.09, 0.03},  {0.095, 0.05}, {0.05, 0.08},
-                                       {0.06, 0.12},   {0.13, 0.22},  {0.16, 0.32},  {0.14, 0.42},
-                                       {0.07, 0.5},    {0.055, 0.56}, {0.07, 0.62},  {0.1, 0.66},
-                                       {0.085, 0.655}, {0.05, 0.58}};
-    struct shaper gold = part_at(h, h->gold, x, y, z0, 0);
-    shape_lathe(&gold, vase, sizeof vase / sizeof vase[0], scene_scaled(72, h->detail, 20));
-}
-
-/* A wrought-iron gate in the arch at the east end of the north aisle, one leaf ajar. */
-static void add_gate_leaf(const struct heritage *h, double y, double yaw, double width_m) {
-    struct shaper s = part_at(h, h->iron, east_m + wall_m / 2, y, 0, yaw);
-    double top = 2.35;
-    shape_box(&s, vec3_make(0, -0.015, 0.08), vec3_make(width_m, 0.015, 0.13), 0.004);
-    shape_box(&s, vec3_make(0, -0.015, 1.1), vec3_make(width_m, 0.015, 1.14), 0.004);
-    shape_box(&s, vec3_make(0, -0.015, top - 0.05), vec3_make(width_m, 0.015, top), 0.004);
-    int bars = 8;
-    for (int i = 0; i <= bars; i++) {
-        double x = width_m * i / bars;
-        shape_bar(&s, vec3_make(x, 0, 0.06), vec3_make(x, 0, top + 0.2), i % bars ? 0.011 : 0.018,
-                  8);
-        shape_ellipsoid(&s, vec3_make(x, 0, top + 0.25), vec3_make(0.022, 0.012, 0.07), 10);
-    }
-    for (int i = 0; i < bars; i++) { /* scrolls in pairs between the bars */
-        enum { POINTS = 28 };
-        struct vec3 path[POINTS];
-        double radius[POINTS];
-        double cx = width_m * (i + 0.5) / bars, turn = i % 2 ? 1 : -1;
-        for (int k = 0; k < POINTS; k++) {
-            double t = 3.6 * pi * k / (POINTS - 1), r = 0.048 * (1 - 0.8 * k / (POINTS - 1));
-            path[k] = vec3_make(cx + turn * r * cos(t), 0, 1.28 + r * sin(t) + 0.03 * sin(t / 3.6));
-            radius[k] = 0.006;
-        }
-        shape_tube(&s, path, radius, POINTS, 6);
-        for (int k = 0; k < POINTS; k++)
-            path[k].z += 0.78;
-        shape_tube(&s, path, radius, POINTS, 6);
-    }
-}
-
-static void add_chapel(const struct heritage *h) {
-    double y = (aisle_out_m + nave_half_m) / 2, x0 = east_m + wall_m, x1 = x0 + 2.8, w = 1.5;
-    struct shaper s = part_at(h, h->plaster, 0, 0, 0, 0);
-    shape_quad(&s, vec3_make(x1, y + w, 0), vec3_make(x1, y - w, 0), vec3_make(x1, y - w, 4),
-               vec3_make(x1, y + w, 4));
-    shape_quad(&s, vec3_make(x0, y + w, 0), vec3_make(x1, y + w, 0), vec3_make(x1, y + w, 4),
-               vec3_make(x0, y + w, 4));
-    shape_quad(&s, vec3_make(x1, y - w, 0), vec3_make(x0, y - w, 0), vec3_make(x0, y - w, 4),
-               vec3_make(x1, y - w, 4));
-    shape_quad(&s, vec3_make(x0, y - w, 4), vec3_make(x0, y + w, 4), vec3_make(x1, y + w, 4),
-               vec3_make(x1, y - w, 4));
-    static const struct figure saint = {.seed = 33, .raise = 0.9f, .turn = -0.2f, .staff = 1};
-    struct shaper plinth = part_at(h, h->marble, x0 + 1.7, y, 0, 0);
-    shape_box(&plinth, vec3_make(-0.4, -0.4, 0), vec3_make(0.4, 0.4, 0.7), 0.02);
-    add_statue(h, &saint, h->bronze, x0 + 1.7, y, 0.77, pi);
-    add_gate_leaf(h, y - 1.05, pi / 2, 1.03);
-    add_gate_leaf(h, y + 1.05, -pi / 2 + 0.75, 1.03);
-}
-
-static void add_pews(const struct heritage *h) {
-    for (int side = -1; side <= 1; side += 2)
-        for (int row = 0; row < 4; row++) {
-            double x = -5.4 + 1.15 * row + 0.03 * side * row, y = side * 1.75;
-            struct shaper s = part_at(h, h->wood, x, y, 0, 0.015 * (row - side));
-            double w = 0.95;
-            for (int end = -1; end <= 1; end += 2) {
-                double a = end * w, b = end * (w - 0.06);
-                shape_box(&s, vec3_make(-0.28, fmin(a, b), 0), vec3_make(0.24, fmax(a, b), 0.5),
-                          0.01);
-                shape_box(&s, vec3_make(-0.32, fmin(a, b), 0.45), vec3_make(-0.2, fmax(a, b), 1.0),
-                          0.02);
-            }
-            shape_box(&s, vec3_make(-0.24, -w, 0.42), vec3_make(0.2, w, 0.46), 0.008);
-            shape_box(&s, vec3_make(-0.29, -w, 0.6), vec3_make(-0.25, w, 0.94), 0.008);
-            shape_box(&s, vec3_make(-0.42, -w, 0.72), vec3_make(-0.28, w, 0.75), 0.006);
-        }
-}
-
-/* A ring of candles on chains over each second bay, and the light that it gives. */
-static void add_chandelier(const struct heritage *h, double x, double z) {
-    enum { ARMS = 10, POINTS = 41 };
-    struct shaper iron = part_at(h, h->iron, x, 0, z, 0);
-    struct vec3 path[POINTS];
-    double radius[POINTS];
-    for (int i = 0; i < POINTS; i++) {
-        double t = 2 * pi * i / (POINTS - 1);
-        path[i] = vec3_make(0.6 * cos(t), 0.6 * sin(t), 0);
-        radius[i] = 0.016;
-    }
-    shape_tube(&iron, path, radius, POINTS, 8);
-    for (int i = 0; i < ARMS; i++) {
-        double t = 2 * pi * i / ARMS, cx = 0.6 * cos(t), cy = 0.6 * sin(t);
-        if (i % 2 == 0)
-            shape_bar(&iron, vec3_make(cx, cy, 0), vec3_make(0, 0, 1.2), 0.007, 6);
-        struct shaper wax = part_at(h, h->wax, x + cx, cy, z, 0);
-        shape_bar(&wax, vec3_make(0, 0, 0.01), vec3_make(0, 0, 0.17), 0.016, 10);
-        struct shaper flame = part_at(h, h->flame, x + cx, cy, z + 0.2, 0);
-        shape_ellipsoid(&flame, vec3_make(0, 0, 0), vec3_make(0.009, 0.009, 0.026), 10);
-    }
-    shape_bar(&iron, vec3_make(0, 0, 1.2), vec3_make(0, 0, spring_m + rise_m - z), 0.009, 6);
-    struct scene_light glow = {.position_m = {x, 0, z + 0.45},
-                               .dir = {0, 0, -1},
-                               .radius_m = 0.4,
-                               .cos_inner = -1,
-                               .cos_outer = -1,
-                               .rgb = {11, 7.2, 3.6}};
-    scene_add_light(h->scene, glow);
-}
-
 static void add_lights(const struct heritage *h) {
-    add_chandelier(h, -4.5, 4.6);
-    add_chandelier(h, 1.5, 4.6);
     struct scene_light altar = {.position_m = {6.6, 0, 3.2},
                                 .dir = {0.6, 0, -0.8},
                                 .radius_m = 0.25,
@@ -712,7 +408,6 @@ static void add_lights(const struct heritage *h) {
     sky.sun_dir = vec3_unit(vec3_make(-0.25, -0.62, 0.74));
     h->scene->sky = sky;
 }
-
 void scene_heritage(struct scene *scene, double detail) {
     struct heritage h = {.scene = scene, .detail = detail};
     add_stone_materials(&h);
@@ -727,17 +422,12 @@ void scene_heritage(struct scene *scene, double detail) {
     add_clerestory(&h);
     add_end_walls(&h);
     add_vaults(&h);
-    add_balustrade(&h);
-    add_altar(&h);
-    add_tomb(&h);
-    add_glass_case(&h);
-    add_chapel(&h);
-    add_pews(&h);
+    heritage_furnish(&h);
     add_lights(&h);
     scene->max_range_m = 15;
     scene->ambient = 0.15;
     scene->exposure = 1.0;
     scene_add_stand(scene, "nave west", -7.6, 0, 0);
-    scene_add_stand(scene, "before the choir", 3.6, 0.2, pi);
-    scene_add_stand(scene, "north aisle", 2.2, 4.9, pi);
+    scene_add_stand(scene, "before the choir", 3.6, 0.2, heritage_pi);
+    scene_add_stand(scene, "north aisle", 2.2, 4.9, heritage_pi);
 }
