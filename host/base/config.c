@@ -14,36 +14,65 @@ struct config {
     yaml_document_t document;
 };
 
+/* Nesting that a configuration may have. libyaml's time grows with the square of the depth. */
+enum { MAX_DEPTH = 64 };
+
+static enum st fail_parser(const yaml_parser_t *parser, const char *name, struct errctx *err) {
+    return errctx_set(err, parser->error == YAML_MEMORY_ERROR ? ST_NOMEM : ST_FORMAT,
+                      "%s:%zu: not YAML: %s", name, parser->problem_mark.line + 1,
+                      parser->problem ? parser->problem : "unreadable");
+}
+
+/* What an event adds to the depth. */
+static int depth_step(yaml_event_type_t type) {
+    if (type == YAML_SEQUENCE_START_EVENT || type == YAML_MAPPING_START_EVENT)
+        return 1;
+    return type == YAML_SEQUENCE_END_EVENT || type == YAML_MAPPING_END_EVENT ? -1 : 0;
+}
+
+/* Refuses by events what must not reach the document loader: aliases (a tree that is none), deep
+ * nesting, no or several documents. */
+static enum st scan_events(yaml_parser_t *parser, const char *name, struct errctx *err) {
+    int depth = 0, documents = 0;
+    for (bool end = false; !end;) {
+        yaml_event_t event;
+        if (!yaml_parser_parse(parser, &event))
+            return fail_parser(parser, name, err);
+        const char *fault = NULL;
+        depth += depth_step(event.type);
+        documents += event.type == YAML_DOCUMENT_START_EVENT;
+        end = event.type == YAML_STREAM_END_EVENT;
+        if (event.type == YAML_ALIAS_EVENT)
+            fault = "an alias (*); repeat the value instead";
+        else if (documents > 1)
+            fault = "a second document; only one is read";
+        else if (depth > MAX_DEPTH)
+            fault = "nested too deeply";
+        else if (end && documents == 0)
+            fault = "the file is empty";
+        size_t line = end ? 1 : event.start_mark.line + 1;
+        yaml_event_delete(&event);
+        if (fault)
+            return errctx_set(err, ST_FORMAT, "%s:%zu: %s", name, line, fault);
+    }
+    return ST_OK;
+}
+
 /* Reads the one document of a text. */
 static enum st parse(const char *text, size_t size, const char *name, yaml_document_t *out_document,
                      struct errctx *err) {
     yaml_parser_t parser;
-    if (!yaml_parser_initialize(&parser))
-        return errctx_set(err, ST_NOMEM, "%s: no memory for a YAML parser", name);
     enum st st = ST_OK;
-    yaml_parser_set_input_string(&parser, (const unsigned char *)text, size);
-    bool first = yaml_parser_load(&parser, out_document);
-    if (first && !yaml_document_get_root_node(out_document)) {
-        st = errctx_set(err, ST_FORMAT, "%s:1: the file is empty", name);
-    } else if (first) {
-        yaml_document_t second;
-        if (yaml_parser_load(&parser, &second)) {
-            yaml_node_t *root = yaml_document_get_root_node(&second);
-            if (root)
-                st = errctx_set(err, ST_FORMAT, "%s:%zu: a second document; only one is read", name,
-                                root->start_mark.line + 1);
-            yaml_document_delete(&second);
-        } else {
-            st = ST_FORMAT;
-        }
+    for (int pass = 0; pass < 2 && !st; pass++) {
+        if (!yaml_parser_initialize(&parser))
+            return errctx_set(err, ST_NOMEM, "%s: no memory for a YAML parser", name);
+        yaml_parser_set_input_string(&parser, (const unsigned char *)text, size);
+        if (pass == 0)
+            st = scan_events(&parser, name, err);
+        else if (!yaml_parser_load(&parser, out_document))
+            st = fail_parser(&parser, name, err);
+        yaml_parser_delete(&parser);
     }
-    if (parser.error != YAML_NO_ERROR)
-        st = errctx_set(err, parser.error == YAML_MEMORY_ERROR ? ST_NOMEM : ST_FORMAT,
-                        "%s:%zu: not YAML: %s", name, parser.problem_mark.line + 1,
-                        parser.problem ? parser.problem : "unreadable");
-    if (st && first)
-        yaml_document_delete(out_document);
-    yaml_parser_delete(&parser);
     return st;
 }
 

@@ -10,7 +10,7 @@
 #include <string.h>
 #include <strings.h>
 
-enum { PATH_CHARS = 256, MAX_DEPTH = 64 };
+enum { PATH_CHARS = 256 };
 
 /* State of one walk. `path` is the key path of the current node. */
 struct check {
@@ -18,8 +18,6 @@ struct check {
     yaml_document_t *document;
     const struct config_schema *schema;
     struct errctx *err;
-    bool *seen; /* by node: a node reached twice was an alias */
-    int depth;
     char path[PATH_CHARS];
 };
 
@@ -322,13 +320,6 @@ static enum st check_sequence(struct check *check, const yaml_node_t *node,
 
 static enum st walk(struct check *check, const yaml_node_t *node,
                     const struct cyaml_schema_value *schema) {
-    ptrdiff_t index = node - check->document->nodes.start;
-    if (check->seen[index])
-        return fail(check, node, "an alias (*); repeat the value instead");
-    check->seen[index] = true;
-    if (check->depth >= MAX_DEPTH)
-        return fail(check, node, "nested deeper than %d", MAX_DEPTH);
-    check->depth++;
     enum st st = ST_OK;
     switch (schema->type) {
     case CYAML_MAPPING:
@@ -352,18 +343,11 @@ static enum st walk(struct check *check, const yaml_node_t *node,
         st = check_scalar(check, node, schema);
         break;
     }
-    check->depth--;
     return st;
 }
 
 enum st config_check(const char *name, yaml_document_t *document,
                      const struct config_schema *schema, struct errctx *err) {
-    size_t count = (size_t)(document->nodes.top - document->nodes.start);
     struct check check = {.name = name, .document = document, .schema = schema, .err = err};
-    check.seen = calloc(count ? count : 1, sizeof *check.seen);
-    if (!check.seen)
-        return errctx_set(err, ST_NOMEM, "%s: no memory", name);
-    enum st st = walk(&check, yaml_document_get_root_node(document), schema->top);
-    free(check.seen);
-    return st;
+    return walk(&check, yaml_document_get_root_node(document), schema->top);
 }

@@ -10,7 +10,8 @@
 extern "C" {
 #endif
 
-/* ST_FORMAT with one line at the first place where the document does not follow the schema. */
+/* ST_FORMAT with one line at the first place where the document does not follow the schema. The
+ * document is a tree (no aliases) of bounded depth. */
 ST_MUST_CHECK enum st config_check(const char *name, yaml_document_t *document,
                                    const struct config_schema *schema, struct errctx *err);
 

@@ -158,6 +158,13 @@ void fileio_abandon(const char *temp) {
     (void)unlink(temp);
 }
 
+/* True for what exists and is neither a regular file nor a directory: renaming over it would
+ * destroy it. */
+static bool is_special(const char *path) {
+    struct stat info;
+    return stat(path, &info) == 0 && !S_ISREG(info.st_mode) && !S_ISDIR(info.st_mode);
+}
+
 /* rename() and what makes it last. Removes the temporary file if it fails. */
 static enum st put_in_place(const char *temp, const char *path, struct errctx *err) {
     if (rename(temp, path)) {
@@ -171,6 +178,10 @@ static enum st put_in_place(const char *temp, const char *path, struct errctx *e
 }
 
 enum st fileio_commit(const char *temp, const char *path, struct errctx *err) {
+    if (is_special(path)) {
+        fileio_abandon(temp);
+        return errctx_set(err, ST_INVALID, "cannot write %s: not a regular file", path);
+    }
     int fd = open(temp, O_RDONLY | O_CLOEXEC);
     if (fd < 0)
         return fail(err, errno, "write", path);
@@ -184,7 +195,20 @@ enum st fileio_commit(const char *temp, const char *path, struct errctx *err) {
     return put_in_place(temp, path, err);
 }
 
+/* A pipe or a device is written to, not replaced. */
+static enum st write_special(const char *path, const void *data, size_t size, struct errctx *err) {
+    int fd = open(path, O_WRONLY | O_CLOEXEC);
+    if (fd < 0)
+        return fail(err, errno, "write", path);
+    enum st st = write_all(fd, path, data, size, err);
+    if (close(fd) && !st)
+        st = fail(err, errno, "write", path);
+    return st;
+}
+
 enum st fileio_write(const char *path, const void *data, size_t size, struct errctx *err) {
+    if (is_special(path))
+        return write_special(path, data, size, err);
     char temp[FILEIO_PATH_MAX];
     int fd = -1;
     enum st st = open_temp(path, temp, &fd, err);

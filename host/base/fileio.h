@@ -26,7 +26,8 @@ ST_MUST_CHECK enum st fileio_read(const char *path, size_t max_bytes, uint8_t **
                                   size_t *out_size, struct errctx *err);
 
 /* Writes a file so that after a power loss at any instant the old content or the new is there:
- * temporary file beside it, fsync, rename, fsync of the directory. ST_FULL if the disk is full. */
+ * temporary file beside it, fsync, rename, fsync of the directory. A pipe or a device is simply
+ * written to. ST_FULL if the disk is full. */
 ST_MUST_CHECK enum st fileio_write(const char *path, const void *data, size_t size,
                                    struct errctx *err);
 

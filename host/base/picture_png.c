@@ -15,6 +15,25 @@ static bool is_plausible(const struct spng_ihdr *ihdr, size_t file_bytes) {
     return raw_bytes / 1032 <= file_bytes;
 }
 
+/* True if the chunks go on to a complete last one (IEND); libspng does not miss its checksum. */
+static bool is_whole(const uint8_t *data, size_t size) {
+    enum {
+        SIGNATURE_BYTES = 8,
+        CHUNK_BYTES = 12
+    }; /* length, name and checksum around the content */
+    size_t at = SIGNATURE_BYTES;
+    while (size >= CHUNK_BYTES && at <= size - CHUNK_BYTES) {
+        const uint8_t *p = data + at;
+        size_t length = (size_t)p[0] << 24 | (size_t)p[1] << 16 | (size_t)p[2] << 8 | p[3];
+        if (!memcmp(p + 4, "IEND", 4))
+            return true;
+        if (length > size)
+            return false;
+        at += CHUNK_BYTES + length;
+    }
+    return false;
+}
+
 /* What to decode to: grey and RGB as they are, everything with a palette or alpha to RGB of 8 bits.
  */
 static int choose_format(const struct spng_ihdr *ihdr, struct picture *picture) {
@@ -70,6 +89,8 @@ static enum st decode(spng_ctx *ctx, const uint8_t *data, size_t size, const cha
 
 enum st picture_png_decode(const uint8_t *data, size_t size, const char *name,
                            struct picture *out_picture, struct errctx *err) {
+    if (!is_whole(data, size))
+        return errctx_set(err, ST_FORMAT, "%s: broken PNG: it ends too early", name);
     spng_ctx *ctx = spng_ctx_new(0);
     if (!ctx)
         return errctx_set(err, ST_NOMEM, "%s: no memory for a PNG decoder", name);
