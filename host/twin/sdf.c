@@ -1,0 +1,209 @@
+#include "twin/sdf.h"
+
+#include <stdint.h>
+#include <stdlib.h>
+
+/* Cells of a block that is evaluated or skipped as a whole. */
+enum { BLOCK = 8 };
+static const size_t max_points = (size_t)1 << 28;
+
+struct grid {
+    const struct sdf_job *job;
+    int n[3];        /* points along each axis, a multiple of BLOCK plus 1 */
+    float origin[3]; /* of point 0 0 0 */
+    float cell;
+    float *value;    /* [n2][n1][n0] */
+    int32_t *vertex; /* vertex in each cell, -1 none */
+};
+
+static size_t at(const struct grid *g, int x, int y, int z) {
+    return ((size_t)z * (size_t)g->n[1] + (size_t)y) * (size_t)g->n[0] + (size_t)x;
+}
+
+static float evaluate(const struct grid *g, float x, float y, float z) {
+    return g->job->distance(g->job->ctx, sdf_at(x, y, z));
+}
+
+/* Values at the points of one block (its upper faces belong to the next blocks, or to the border).
+ */
+static void fill_block(const struct grid *g, int bx, int by, int bz) {
+    float half = 0.5f * BLOCK * g->cell;
+    float cx = g->origin[0] + (float)bx * BLOCK * g->cell + half;
+    float cy = g->origin[1] + (float)by * BLOCK * g->cell + half;
+    float cz = g->origin[2] + (float)bz * BLOCK * g->cell + half;
+    float centre = evaluate(g, cx, cy, cz);
+    /* 1.8 > sqrt(3): the block's corner, with a margin of a cell for the neighbours */
+    int far = fabsf(centre) > (float)g->job->slack * (1.8f * half + 2 * g->cell);
+    int x1 = (bx + 1) * BLOCK == g->n[0] - 1 ? BLOCK + 1 : BLOCK;
+    int y1 = (by + 1) * BLOCK == g->n[1] - 1 ? BLOCK + 1 : BLOCK;
+    int z1 = (bz + 1) * BLOCK == g->n[2] - 1 ? BLOCK + 1 : BLOCK;
+    for (int z = 0; z < z1; z++)
+        for (int y = 0; y < y1; y++)
+            for (int x = 0; x < x1; x++) {
+                int ix = bx * BLOCK + x, iy = by * BLOCK + y, iz = bz * BLOCK + z;
+                g->value[at(g, ix, iy, iz)] = far ? centre
+                                                  : evaluate(g, g->origin[0] + (float)ix * g->cell,
+                                                             g->origin[1] + (float)iy * g->cell,
+                                                             g->origin[2] + (float)iz * g->cell);
+            }
+}
+
+static struct vec3 gradient(const struct grid *g, float x, float y, float z) {
+    float e = 0.25f * g->cell;
+    return vec3_make(
+        (double)(evaluate(g, x + e, y, z) - evaluate(g, x - e, y, z)) / (2 * (double)e),
+        (double)(evaluate(g, x, y + e, z) - evaluate(g, x, y - e, z)) / (2 * (double)e),
+        (double)(evaluate(g, x, y, z + e) - evaluate(g, x, y, z - e)) / (2 * (double)e));
+}
+
+/* Mean of the sign changes on the edges of a cell, in cells from its corner; false if there are
+ * none. */
+static int crossing(const struct grid *g, int x, int y, int z, float out[3]) {
+    float corner[8];
+    int negative = 0;
+    for (int i = 0; i < 8; i++) {
+        corner[i] = g->value[at(g, x + (i & 1), y + (i >> 1 & 1), z + (i >> 2))];
+        negative += corner[i] < 0;
+    }
+    if (negative == 0 || negative == 8)
+        return 0;
+    float sum[3] = {0, 0, 0};
+    int count = 0;
+    for (int i = 0; i < 8; i++) {
+        for (int axis = 0; axis < 3; axis++) {
+            int j = i | 1 << axis;
+            if (j == i || (corner[i] < 0) == (corner[j] < 0))
+                continue;
+            float t = corner[i] / (corner[i] - corner[j]);
+            for (int k = 0; k < 3; k++)
+                sum[k] += k == axis ? t : (float)(i >> k & 1);
+            count++;
+        }
+    }
+    for (int k = 0; k < 3; k++)
+        out[k] = sum[k] / (float)count;
+    return 1;
+}
+
+/* A vertex for the cell, on the surface. */
+static void place(const struct shaper *s, const struct grid *g, int x, int y, int z) {
+    float in[3];
+    if (!crossing(g, x, y, z, in))
+        return;
+    float p[3] = {g->origin[0] + ((float)x + in[0]) * g->cell,
+                  g->origin[1] + ((float)y + in[1]) * g->cell,
+                  g->origin[2] + ((float)z + in[2]) * g->cell};
+    struct vec3 n = gradient(g, p[0], p[1], p[2]);
+    double g2 = vec3_dot(n, n);
+    if (g2 > 1e-6) { /* one Newton step, no further than half a cell */
+        double d = (double)evaluate(g, p[0], p[1], p[2]), limit = 0.5 * (double)g->cell;
+        double step = d / sqrt(g2);
+        step = step > limit ? limit : step < -limit ? -limit : step;
+        struct vec3 u = vec3_scale(n, 1 / sqrt(g2));
+        p[0] -= (float)(step * u.x);
+        p[1] -= (float)(step * u.y);
+        p[2] -= (float)(step * u.z);
+        n = gradient(g, p[0], p[1], p[2]);
+    }
+    double norm = vec3_norm(n);
+    struct vec3 normal = norm > 1e-6 ? vec3_scale(n, 1 / norm) : vec3_make(0, 0, 0);
+    struct vec3 world =
+        pose_apply(&s->world_from_local, vec3_make((double)p[0], (double)p[1], (double)p[2]));
+    g->vertex[at(g, x, y, z)] =
+        (int32_t)mesh_vertex(s->mesh, world, mat3_mulv(&s->world_from_local.r, normal));
+}
+
+static void emit(const struct shaper *s, const struct grid *g, const int32_t q[4]) {
+    const struct pose *w = &s->world_from_local;
+    for (int half = 0; half < 2; half++) {
+        uint32_t a = (uint32_t)q[0], b = (uint32_t)q[1 + half], c = (uint32_t)q[2 + half];
+        if (g->job->mask) {
+            struct vec3 m =
+                vec3_scale(vec3_add(vec3_add(mesh_position(s->mesh, a), mesh_position(s->mesh, b)),
+                                    mesh_position(s->mesh, c)),
+                           1.0 / 3);
+            struct vec3 l = mat3_tmulv(&w->r, vec3_sub(m, w->t_m));
+            if (!g->job->mask(g->job->ctx, sdf_at((float)l.x, (float)l.y, (float)l.z)))
+                continue;
+        }
+        mesh_triangle(s->mesh, a, b, c, s->part);
+    }
+}
+
+/* The quads around the three edges that leave point (x, y, z) upwards. */
+static void connect(const struct shaper *s, const struct grid *g, int x, int y, int z) {
+    float here = g->value[at(g, x, y, z)];
+    for (int axis = 0; axis < 3; axis++) {
+        int d[3] = {axis == 0, axis == 1, axis == 2};
+        if (x + d[0] >= g->n[0] || y + d[1] >= g->n[1] || z + d[2] >= g->n[2])
+            continue;
+        float there = g->value[at(g, x + d[0], y + d[1], z + d[2])];
+        if ((here < 0) == (there < 0))
+            continue;
+        int u = (axis + 1) % 3, v = (axis + 2) % 3;
+        int32_t q[4];
+        int whole = 1;
+        for (int k = 0; k < 4; k++) {
+            int c[3] = {x, y, z};
+            c[u] -= k == 0 || k == 3;
+            c[v] -= k == 0 || k == 1;
+            int in = c[0] >= 0 && c[1] >= 0 && c[2] >= 0 && c[0] < g->n[0] - 1 &&
+                     c[1] < g->n[1] - 1 && c[2] < g->n[2] - 1;
+            q[k] = in ? g->vertex[at(g, c[0], c[1], c[2])] : -1;
+            whole = whole && q[k] >= 0;
+        }
+        if (!whole)
+            continue;
+        if (here >= 0) { /* outside is on this side */
+            int32_t t = q[1];
+            q[1] = q[3];
+            q[3] = t;
+        }
+        emit(s, g, q);
+    }
+}
+
+static void polygonise(const struct shaper *s, struct grid *g) {
+    int b0 = (g->n[0] - 1) / BLOCK, b1 = (g->n[1] - 1) / BLOCK, b2 = (g->n[2] - 1) / BLOCK;
+    int blocks = b0 * b1 * b2;
+#pragma omp parallel for schedule(dynamic, 16)
+    for (int b = 0; b < blocks; b++)
+        fill_block(g, b % b0, b / b0 % b1, b / b0 / b1);
+    for (int z = 0; z < g->n[2] - 1; z++)
+        for (int y = 0; y < g->n[1] - 1; y++)
+            for (int x = 0; x < g->n[0] - 1; x++) {
+                g->vertex[at(g, x, y, z)] = -1;
+                place(s, g, x, y, z);
+            }
+    if (s->mesh->st)
+        return;
+    for (int z = 0; z < g->n[2]; z++)
+        for (int y = 0; y < g->n[1]; y++)
+            for (int x = 0; x < g->n[0]; x++)
+                connect(s, g, x, y, z);
+}
+
+void sdf_mesh(const struct shaper *s, const struct sdf_job *job) {
+    struct grid g = {.job = job, .cell = (float)job->cell_m};
+    const double size[3] = {job->max.x - job->min.x, job->max.y - job->min.y,
+                            job->max.z - job->min.z};
+    size_t points = 1;
+    for (int k = 0; k < 3; k++) {
+        int blocks = (int)(size[k] / job->cell_m / BLOCK) + 1;
+        g.n[k] = blocks * BLOCK + 1;
+        points *= (size_t)g.n[k];
+    }
+    g.origin[0] = (float)job->min.x;
+    g.origin[1] = (float)job->min.y;
+    g.origin[2] = (float)job->min.z;
+    if (points <= max_points) {
+        g.value = malloc(points * sizeof *g.value);
+        g.vertex = malloc(points * sizeof *g.vertex);
+    }
+    if (g.value && g.vertex)
+        polygonise(s, &g);
+    else
+        s->mesh->st = ST_NOMEM;
+    free(g.value);
+    free(g.vertex);
+}
