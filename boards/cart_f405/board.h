@@ -22,9 +22,11 @@
 #define BOARD_PLL_P  2u
 #define BOARD_PLL_Q  7u
 
-/* Serial number: a 32-bit word at the start of flash sector 3, written in production; erased reads
- * as 0, unknown. Commissioning records: sectors 1 and 2, alternating. */
-#define BOARD_SERIAL_ADDRESS   0x0800c000u
+/* Flash sector 3, written in production: words of 32 bits, erased means not given.
+ * 0 serial number (else 0, unknown); 1 end-of-frame gap in us, for converters between Linux and the
+ * line that send a frame with pauses (else BOARD_FRAME_GAP_US).
+ * Commissioning records: sectors 1 and 2, alternating. */
+#define BOARD_DATA_ADDRESS     0x0800c000u
 #define BOARD_RECORD_A_ADDRESS 0x08004000u
 #define BOARD_RECORD_A_SECTOR  1u
 #define BOARD_RECORD_B_ADDRESS 0x08008000u

@@ -8,14 +8,15 @@
 /* A 32-bit register at an address that the chip fixes. */
 #define CORTEXM_REG(address) (*(volatile uint32_t *)(uintptr_t)(address))
 
-#define CORTEXM_SYST_CSR  CORTEXM_REG(0xe000e010u) /* SysTick control */
-#define CORTEXM_SYST_RVR  CORTEXM_REG(0xe000e014u) /* SysTick reload */
-#define CORTEXM_SYST_CVR  CORTEXM_REG(0xe000e018u) /* SysTick current */
-#define CORTEXM_NVIC_ISER CORTEXM_REG(0xe000e100u) /* first of the interrupt set-enable registers  \
-                                                    */
-#define CORTEXM_VTOR  CORTEXM_REG(0xe000ed08u)     /* vector table */
-#define CORTEXM_AIRCR CORTEXM_REG(0xe000ed0cu)     /* reset request */
-#define CORTEXM_SHCSR CORTEXM_REG(0xe000ed24u)     /* fault enables */
+#define CORTEXM_SYST_CSR CORTEXM_REG(0xe000e010u) /* SysTick control */
+#define CORTEXM_SYST_RVR CORTEXM_REG(0xe000e014u) /* SysTick reload */
+#define CORTEXM_SYST_CVR CORTEXM_REG(0xe000e018u) /* SysTick current */
+#define CORTEXM_NVIC_ISER                                                                          \
+    CORTEXM_REG(0xe000e100u)                   /* first of the interrupt set-enable registers      \
+                                                */
+#define CORTEXM_VTOR  CORTEXM_REG(0xe000ed08u) /* vector table */
+#define CORTEXM_AIRCR CORTEXM_REG(0xe000ed0cu) /* reset request */
+#define CORTEXM_SHCSR CORTEXM_REG(0xe000ed24u) /* fault enables */
 
 enum cortexm_bits {
     CORTEXM_SYST_ENABLE = 1 << 0,

@@ -1,11 +1,11 @@
-/* Registers of Arm's MPS2 FPGA board with the AN386 image (Cortex-M4F at 25 MHz), as far as this port
- * uses them. */
+/* Registers of Arm's MPS2 FPGA board with the AN386 image (Cortex-M4F at 25 MHz), as far as this
+ * port uses them. */
 #ifndef SC_PORT_MPS2_H
 #define SC_PORT_MPS2_H
 
 #include "firmware/port/cortexm/cortexm.h"
 
-#define MPS2_CLOCK_HZ 25000000u
+#define MPS2_CLOCK_HZ  25000000u
 #define MPS2_CLOCKS_US (MPS2_CLOCK_HZ / 1000000u)
 
 /* CMSDK APB timers: count down, interrupt at 0. */
@@ -20,8 +20,8 @@
 enum { MPS2_TIMER_ENABLE = 1 << 0, MPS2_TIMER_INTERRUPT = 1 << 3 };
 
 /* CMSDK APB UARTs: one byte each way. UART0 is the Modbus line, UART1 the console of the plant. */
-#define MPS2_UART0 0x40004000u
-#define MPS2_UART1 0x40005000u
+#define MPS2_UART0              0x40004000u
+#define MPS2_UART1              0x40005000u
 #define MPS2_UART_DATA(base)    CORTEXM_REG((base) + 0x00u)
 #define MPS2_UART_STATE(base)   CORTEXM_REG((base) + 0x04u)
 #define MPS2_UART_CTRL(base)    CORTEXM_REG((base) + 0x08u)
@@ -51,8 +51,8 @@ enum { MPS2_WDOG_INTERRUPT = 1 << 0, MPS2_WDOG_RESET = 1 << 1 };
 #define MPS2_FPGAIO_COUNTER  CORTEXM_REG(0x40028018u)
 #define MPS2_FPGAIO_PRESCALE CORTEXM_REG(0x4002801cu)
 
-/* 16 MB of PSRAM. Its first KiB stands in for the flash record; a word behind it, which the emulator
- * may fill at start, is the end-of-frame gap in us if it lies in 500 to 1 000 000. */
+/* 16 MB of PSRAM. Its first KiB stands in for the flash record; a word behind it, which the
+ * emulator may fill at start, is the end-of-frame gap in us if it lies in 500 to 1 000 000. */
 #define MPS2_PSRAM      0x21000000u
 #define MPS2_GAP_OPTION CORTEXM_REG(MPS2_PSRAM + 0x400u)
 

@@ -2,22 +2,21 @@
 
 enum {
     TURN_BITS = 40,
-    ENCODER_BITS = 12,          /* 4096 counts */
-    FULL_DRIVE_RPS = 20,        /* speed at full drive */
-    SPINUP_TAU_US = 400000,     /* time constant of mirror and motor */
-    CAMERA_DELAY_US = 2300,     /* trigger to strobe */
-    TRAVEL_LIMIT = 14300,       /* pan's limit switches close outside */
-    TILT_TRAVEL_LIMIT = 3800,   /* tilt's */
-    PAN_HOME_EDGE = -13800,     /* home switches are closed below */
-    TILT_HOME_EDGE = -3300,     /* */
-    PAN_START = -13100,         /* where the axes stand at power-up */
+    ENCODER_BITS = 12,        /* 4096 counts */
+    FULL_DRIVE_RPS = 20,      /* speed at full drive */
+    SPINUP_TAU_US = 400000,   /* time constant of mirror and motor */
+    CAMERA_DELAY_US = 2300,   /* trigger to strobe */
+    TRAVEL_LIMIT = 14300,     /* pan's limit switches close outside */
+    TILT_TRAVEL_LIMIT = 3800, /* tilt's */
+    PAN_HOME_EDGE = -13800,   /* home switches are closed below */
+    TILT_HOME_EDGE = -3300,   /* */
+    PAN_START = -13100,       /* where the axes stand at power-up */
     TILT_START = -2900,
-    ROOM_TEMPERATURE = 250,     /* 0.1 C */
+    ROOM_TEMPERATURE = 250, /* 0.1 C */
     HOT_TEMPERATURE = 800
 };
 
-static const uint32_t chains =
-    HAL_IN_ESTOP_CLOSED | HAL_IN_INTERLOCK_CLOSED | HAL_IN_DOOR_CLOSED;
+static const uint32_t chains = HAL_IN_ESTOP_CLOSED | HAL_IN_INTERLOCK_CLOSED | HAL_IN_DOOR_CLOSED;
 
 void plant_init(struct plant *plant, uint64_t now_us) {
     *plant = (struct plant){.now_us = now_us,

@@ -24,8 +24,8 @@ struct plant {
     bool motors, laser;
     int32_t position[HAL_AXES]; /* steps from the mechanical zero */
     bool positive[HAL_AXES];
-    uint32_t closed; /* chains: bits of enum hal_input */
-    uint32_t forced; /* limit switches closed by hand: bits of enum hal_input */
+    uint32_t closed;     /* chains: bits of enum hal_input */
+    uint32_t forced;     /* limit switches closed by hand: bits of enum hal_input */
     int16_t temperature; /* 0.1 C */
     uint64_t strobe_us;  /* 0: none on its way */
 };

@@ -190,7 +190,8 @@ static void isr_systick(void) {
 }
 
 /* A letter on the second serial line: see plant_console; x stops the main loop, to see the watchdog
- * act. Answered with the letter, or with '?'. Budget 2 us. */
+ * act. Answered with the letter, or with '?'. Budget: that of
+ * firmware_isr_pins and 2 us. */
 static void isr_uart1(void) {
     MPS2_UART_CLEAR(MPS2_UART1) = MPS2_UART_CLEAR_RX;
     while (MPS2_UART_STATE(MPS2_UART1) & MPS2_UART_RX_FULL) {
@@ -198,6 +199,7 @@ static void isr_uart1(void) {
         bool known = letter == 'x' || plant_console(&plant, letter);
         if (letter == 'x')
             hang = true;
+        firmware_isr_pins(); /* as a pin-change interrupt would */
         MPS2_UART_DATA(MPS2_UART1) = known ? (uint8_t)letter : (uint8_t)'?';
     }
 }

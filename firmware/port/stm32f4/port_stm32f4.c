@@ -57,6 +57,9 @@ void port_main(void) {
     safety_stm32f4_init();
     firmware_init();
 
+    cortexm_irq_enable(STM32_IRQ_EXTI0);
+    cortexm_irq_enable(STM32_IRQ_EXTI1);
+    cortexm_irq_enable(STM32_IRQ_EXTI10_15);
     cortexm_irq_enable(STM32_IRQ_USART1);
     cortexm_irq_enable(STM32_IRQ_TIM5);
     cortexm_irq_enable(STM32_IRQ_TIM7);
@@ -76,6 +79,9 @@ const union cortexm_vector vectors[CORTEXM_EXCEPTIONS + STM32_IRQ_COUNT] = {
     [2] = {.handler = isr_nmi},
     CORTEXM_FAULT_VECTORS,
     [15] = {.handler = isr_systick},
+    [CORTEXM_EXCEPTIONS + STM32_IRQ_EXTI0] = {.handler = safety_stm32f4_isr_exti},
+    [CORTEXM_EXCEPTIONS + STM32_IRQ_EXTI1] = {.handler = safety_stm32f4_isr_exti},
+    [CORTEXM_EXCEPTIONS + STM32_IRQ_EXTI10_15] = {.handler = safety_stm32f4_isr_exti},
     [CORTEXM_EXCEPTIONS + STM32_IRQ_USART1] = {.handler = uart_stm32f4_isr},
     [CORTEXM_EXCEPTIONS + STM32_IRQ_TIM5] = {.handler = timers_stm32f4_isr_tim5},
     [CORTEXM_EXCEPTIONS + STM32_IRQ_TIM7] = {.handler = uart_stm32f4_isr_tim7},

@@ -48,6 +48,8 @@ void safety_stm32f4_pins(void);
 /* Temperature converter and independent watchdog; the cause of this reset (enum resetcause). */
 void safety_stm32f4_init(void);
 uint16_t safety_stm32f4_reset_cause(void);
+/* A safety chain has opened. */
+void safety_stm32f4_isr_exti(void);
 /* Every tick: takes a conversion if one is ready. */
 void safety_stm32f4_tick(void);
 

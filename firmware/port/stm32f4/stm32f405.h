@@ -36,6 +36,7 @@ struct stm32_rcc {
 #define RCC_APB2_TIM1     (1u << 0)
 #define RCC_APB2_USART1   (1u << 4)
 #define RCC_APB2_ADC1     (1u << 8)
+#define RCC_APB2_SYSCFG   (1u << 14)
 #define RCC_APB2_TIM9     (1u << 16)
 #define RCC_CSR_RMVF      (1u << 24)
 #define RCC_CSR_BORRSTF   (1u << 25)
@@ -72,6 +73,13 @@ struct stm32_gpio {
 #define GPIOA ((struct stm32_gpio *)0x40020000u)
 #define GPIOB ((struct stm32_gpio *)0x40020400u)
 #define GPIOC ((struct stm32_gpio *)0x40020800u)
+
+/* --- pin-change interrupts --- */
+struct stm32_exti {
+    volatile uint32_t IMR, EMR, RTSR, FTSR, SWIER, PR;
+};
+#define EXTI          ((struct stm32_exti *)0x40013c00u)
+#define SYSCFG_EXTICR ((volatile uint32_t *)0x40013808u) /* four lines a word, four bits each */
 
 /* --- timers: one layout for all --- */
 struct stm32_tim {
@@ -162,7 +170,10 @@ struct stm32_iwdg {
 #define DBGMCU_FZ_IWDG (1u << 12)
 
 enum stm32_irq {
+    STM32_IRQ_EXTI0 = 6,
+    STM32_IRQ_EXTI1 = 7,
     STM32_IRQ_USART1 = 37,
+    STM32_IRQ_EXTI10_15 = 40,
     STM32_IRQ_TIM5 = 50,
     STM32_IRQ_TIM7 = 55,
     STM32_IRQ_COUNT = 82
