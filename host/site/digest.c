@@ -30,8 +30,8 @@ bool digest_equal(const struct digest *a, const struct digest *b) {
     return a->rows == b->rows && !memcmp(a->sum, b->sum, sizeof a->sum);
 }
 
-static enum st load_one(struct site *site, enum store_table table, struct digest *out_digest,
-                        struct errctx *err) {
+enum st digest_read(struct site *site, enum store_table table, struct digest *out_digest,
+                    struct errctx *err) {
     sqlite3_stmt *stmt = NULL;
     enum st st = store_query(site, "SELECT * FROM digest WHERE name = ?1", NULL, 0, &stmt, err);
     struct row_value name = row_text(store_table_name(table));
@@ -61,7 +61,7 @@ enum st digest_load(struct site *site, struct digest out_digests[STORE_TABLES],
                     struct errctx *err) {
     enum st st = ST_OK;
     for (int t = 0; t < STORE_TABLES && !st; t++)
-        st = load_one(site, (enum store_table)t, &out_digests[t], err);
+        st = digest_read(site, (enum store_table)t, &out_digests[t], err);
     return st;
 }
 

@@ -41,8 +41,9 @@ void digest_add(struct digest *digest, const uint8_t row_sha256[HASH_SHA256_BYTE
 void digest_remove(struct digest *digest, const uint8_t row_sha256[HASH_SHA256_BYTES]);
 bool digest_equal(const struct digest *a, const struct digest *b);
 
-/* As stored. ST_DAMAGED if a digest does not match its own hash or is missing, and the table's
- * name. */
+/* As stored. ST_DAMAGED if a digest does not match its own hash or is missing. */
+ST_MUST_CHECK enum st digest_read(struct site *site, enum store_table table,
+                                  struct digest *out_digest, struct errctx *err);
 ST_MUST_CHECK enum st digest_load(struct site *site, struct digest out_digests[STORE_TABLES],
                                   struct errctx *err);
 /* Writes the dirty ones within a batch. */

@@ -9,28 +9,6 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Columns: id kind sha256 extension size_bytes utc_ns. */
-static enum st read_entry(sqlite3_stmt *stmt, struct files_entry *out_entry, struct errctx *err) {
-    struct files_entry entry = {.id = sqlite3_column_int64(stmt, 0),
-                                .size_bytes = sqlite3_column_int64(stmt, 4),
-                                .utc_ns = sqlite3_column_int64(stmt, 5)};
-    int32_t kind = 0;
-    enum st st = row_get_int32(stmt, 1, &kind, err);
-    if (!st)
-        st = row_get_blob(stmt, 2, entry.sha256, sizeof entry.sha256, err);
-    if (!st)
-        st = row_get_text(stmt, 3, entry.extension, sizeof entry.extension, err);
-    if (!st && (!files_dir_name(kind) || !files_dir_extension_is_valid(entry.extension) ||
-                entry.size_bytes < 1 || entry.size_bytes > FILES_MAX_BYTES))
-        st = errctx_set(err, ST_DAMAGED, "site.db: table file, row %lld makes no sense",
-                        (long long)entry.id);
-    if (st)
-        return st;
-    entry.kind = (enum files_kind)kind;
-    *out_entry = entry;
-    return ST_OK;
-}
-
 /* ST_NOT_FOUND without a message. */
 static enum st find_entry(struct site *site, const uint8_t sha256[HASH_SHA256_BYTES],
                           struct files_entry *out_entry, struct errctx *err) {
@@ -43,7 +21,7 @@ static enum st find_entry(struct site *site, const uint8_t sha256[HASH_SHA256_BY
         st = store_fetch(site, stmt, STORE_FILE, err);
     if (st)
         return st;
-    st = read_entry(stmt, out_entry, err);
+    st = files_dir_entry(stmt, out_entry, err);
     (void)sqlite3_reset(stmt);
     return st;
 }
@@ -241,7 +219,7 @@ enum st files_list(struct site *site, enum files_kind kind, int64_t after_id,
     while (!st && count < capacity) {
         st = store_fetch(site, stmt, STORE_FILE, err);
         if (!st)
-            st = read_entry(stmt, &out_entries[count], err);
+            st = files_dir_entry(stmt, &out_entries[count], err);
         count += !st;
     }
     (void)sqlite3_reset(stmt);

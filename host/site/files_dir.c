@@ -53,3 +53,25 @@ void files_dir_sweep(const char *site_path) {
             sweep_one(path);
     }
 }
+
+/* Columns: id kind sha256 extension size_bytes utc_ns. */
+enum st files_dir_entry(sqlite3_stmt *stmt, struct files_entry *out_entry, struct errctx *err) {
+    struct files_entry entry = {.id = sqlite3_column_int64(stmt, 0),
+                                .size_bytes = sqlite3_column_int64(stmt, 4),
+                                .utc_ns = sqlite3_column_int64(stmt, 5)};
+    int32_t kind = 0;
+    enum st st = row_get_int32(stmt, 1, &kind, err);
+    if (!st)
+        st = row_get_blob(stmt, 2, entry.sha256, sizeof entry.sha256, err);
+    if (!st)
+        st = row_get_text(stmt, 3, entry.extension, sizeof entry.extension, err);
+    if (!st && (!files_dir_name(kind) || !files_dir_extension_is_valid(entry.extension) ||
+                entry.size_bytes < 1 || entry.size_bytes > FILES_MAX_BYTES))
+        st = errctx_set(err, ST_DAMAGED, "site.db: table file, row %lld makes no sense",
+                        (long long)entry.id);
+    if (st)
+        return st;
+    entry.kind = (enum files_kind)kind;
+    *out_entry = entry;
+    return ST_OK;
+}

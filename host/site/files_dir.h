@@ -6,6 +6,7 @@
 #include "base/hash.h"
 #include "base/st.h"
 #include "site/files.h"
+#include "site/row.h"
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -21,6 +22,10 @@ bool files_dir_extension_is_valid(const char *extension);
 /* "photos/<64 digits>.tif" */
 enum { FILES_DIR_NAME_MAX = 96 };
 void files_dir_file(const struct files_entry *entry, char out_name[FILES_DIR_NAME_MAX]);
+
+/* The row of table file that a statement stands on (SELECT *). ST_DAMAGED if it makes no sense. */
+ST_MUST_CHECK enum st files_dir_entry(sqlite3_stmt *stmt, struct files_entry *out_entry,
+                                      struct errctx *err);
 
 /* True for what an interrupted write of ours may leave. */
 bool files_dir_is_leftover(const char *name);
