@@ -87,34 +87,36 @@ struct raster_view raster_view_supersampled(const struct raster_view *view, int3
 
 enum raster_primitive {
     RASTER_POINTS, /* each sample is one pixel */
-    RASTER_SPLATS, /* quadratic splats: a disc in one colour whose depth falls with the square of
-                      the distance */
-    RASTER_MESH    /* cells of 2 x 2 samples as two triangles each */
+    RASTER_SPLATS, /* quadratic splats: discs in one colour, depth falls quadratically */
+    RASTER_MESH    /* cells of 2 x 2 samples as two triangles each, one where a corner is missing */
 };
 
 enum raster_radius {
     RASTER_RADIUS_AREA,    /* from the projected area: grows in proportion to the magnification */
-    RASTER_RADIUS_CUBEROOT /* the paper's cube root of the determinant: grows with its 2/3 power */
+    RASTER_RADIUS_CUBEROOT /* the paper's cube root of the determinant: with its 2/3 power */
 };
 
-enum raster_skins { /* mesh cells flagged PHOTO_SKIN */
-                    RASTER_SKINS_LEAVE_OUT,
-                    RASTER_SKINS_DRAW,   /* like any other cell */
-                    RASTER_SKINS_COLOUR, /* in skin_rgb: "unknown beyond" */
-                    RASTER_SKINS_ONLY /* nothing but skins, in skin_rgb: the frontier of the unknown
-                                       */
+/* What happens to mesh cells flagged PHOTO_SKIN, with any primitive. "Guess": a corner of the cell
+ * is flagged PHOTO_DROPPED and yet has a disparity (see skin_bound_unknown()); such samples are
+ * never drawn themselves. Skins in skin_rgb hide what lies behind them and have alpha
+ * RASTER_ALPHA_UNKNOWN. */
+enum raster_skins {
+    RASTER_SKINS_LEAVE_OUT,
+    RASTER_SKINS_UNKNOWN, /* those with a guess in skin_rgb, no others */
+    RASTER_SKINS_COLOUR,  /* all in skin_rgb: "nobody saw what is here" */
+    RASTER_SKINS_DRAW,    /* like any other cell */
+    RASTER_SKINS_ONLY     /* nothing but skins, in skin_rgb: the frontier of the unknown */
 };
 
-enum raster_filter { /* colour inside a mesh cell */
-                     RASTER_FILTER_NEAREST,
-                     RASTER_FILTER_LINEAR, /* bilinear in (u, v) */
-                     RASTER_FILTER_CUBIC /* Catmull-Rom in (u, v), 4 x 4 pixels of the photograph */
+/* Colour inside a mesh cell. */
+enum raster_filter {
+    RASTER_FILTER_NEAREST,
+    RASTER_FILTER_LINEAR, /* bilinear in (u, v) */
+    RASTER_FILTER_CUBIC   /* Catmull-Rom in (u, v), 4 x 4 pixels of the photograph */
 };
 
-enum raster_faces {
-    RASTER_FACES_BOTH,
-    RASTER_FACES_FRONT
-}; /* of the mesh, as its photograph saw it */
+/* Of the mesh: FRONT is what its photograph saw. */
+enum raster_faces { RASTER_FACES_BOTH, RASTER_FACES_FRONT };
 
 struct raster_options {
     enum raster_primitive primitive;
@@ -122,18 +124,16 @@ struct raster_options {
     enum raster_skins skins;
     enum raster_faces faces;
     enum raster_radius radius;
-    double radius_k; /* splat radius in half diagonals of the projected sample; 1.2 to 1.4 closes
-                        surfaces */
-    double radius_max_px; /* bounds what one splat can cost */
-    double falloff;       /* depth at a splat's rim, in splat radii behind its centre */
-    /* Confidence push-back: a sample goes back by push_sigma * sigma(depth) * log2(projected area),
-     * so that of two samples of one surface the one that is twice as dense lies push_sigma sigmas
-     * in front. 0: off. A sample of unknown confidence has sigma_unknown_per_m for the sigma of its
-     * disparity. */
-    double push_sigma;
-    double sigma_unknown_per_m;
-    uint8_t leave_out_flags; /* samples with any of these photo flags are not drawn (points, splats)
-                                or make no cell (mesh) */
+    /* Splat radius = radius_k half diagonals of the projected sample, at least half a pixel's
+     * diagonal; 1.2 to 1.4 closes surfaces. radius_max_px bounds what one splat can cost. */
+    double radius_k, radius_max_px;
+    double falloff; /* depth of a splat's rim, in splat radii behind its centre */
+    /* Confidence push-back: a sample goes back by push_sigma * sigma(depth) * log2(projected area
+     * in px), counted from 1/16 px and up to 256 px, so that of two samples of one surface, equally
+     * uncertain, the one twice as dense lies push_sigma sigmas in front. 0: off. A sample of
+     * unknown confidence has sigma_unknown_per_m for the sigma of its disparity. */
+    double push_sigma, sigma_unknown_per_m;
+    uint8_t leave_out_flags; /* samples with any of these photo flags are not there */
     uint8_t skin_rgb[3];
     uint8_t background_rgb[3];
     int threads; /* 0: as many as OpenMP would take */
@@ -149,14 +149,14 @@ struct raster_options raster_options_default(void);
  * it does not want. Everything is overwritten. */
 struct raster_target {
     int32_t width_px, height_px;
-    uint8_t
-        *rgba;    /* [..][4]; alpha 255 where something was drawn, 0 and the background elsewhere */
-    float *depth; /* as the view defines it, of the winning sample or mesh point itself (without
-                     falloff and push-back where `item` is asked for too); NaN where nothing was
-                     drawn */
-    uint64_t *item;  /* raster_item(); RASTER_NO_ITEM where nothing was drawn */
-    uint16_t *count; /* how many samples or cells covered the pixel, hidden ones too; saturates */
+    uint8_t *rgba;   /* [..][4]; alpha: RASTER_ALPHA_..., the background where nothing is */
+    float *depth;    /* as the view defines it; without falloff and push-back if `item` is asked for
+                        too; NaN where nothing is */
+    uint64_t *item;  /* raster_item(); RASTER_NO_ITEM where nothing is */
+    uint16_t *count; /* samples or triangles that cover the pixel, hidden ones too; saturates */
 };
+
+enum { RASTER_ALPHA_NOTHING = 0, RASTER_ALPHA_UNKNOWN = 128, RASTER_ALPHA_SURFACE = 255 };
 
 #define RASTER_NO_ITEM UINT64_MAX
 

@@ -26,6 +26,15 @@ struct skin_params skin_params_default(void);
  * missing disparity are not skins. Returns the number of skin cells. One pass; no allocation. */
 int64_t skin_mark(struct photo *photo, const struct skin_params *params);
 
+/* Bounds the unknown: gives each pixel without disparity, unless it is PHOTO_NO_RETURN, the
+ * smallest disparity of the nearest pixels that have one to its left, right, top and bottom (the
+ * farthest, so that no more is claimed to be unknown than must be), flags it PHOTO_DROPPED |
+ * PHOTO_FILLED and the cells it makes PHOTO_SKIN. Drawn with RASTER_SKINS_UNKNOWN it hides what
+ * only seems to be visible through a place where nobody looked. For a photograph in memory that is
+ * to be drawn, after skin_mark(); never for one that is stored. Returns the number of pixels. Two
+ * passes; no allocation beyond 4 bytes a pixel: ST_NOMEM. */
+ST_MUST_CHECK enum st skin_bound_unknown(struct photo *photo, int64_t *out_count);
+
 #ifdef __cplusplus
 }
 #endif
