@@ -16,3 +16,4 @@ scancart_test(test_progress SOURCES unit/test_progress.c DEPS sc_base LABELS uni
 scancart_test(test_photo SOURCES unit/test_photo.c DEPS sc_base LABELS unit)
 scancart_fuzz(picture SOURCES fuzz/fuzz_picture.c DEPS sc_base)
 scancart_fuzz(config SOURCES fuzz/fuzz_config.c DEPS sc_base)
+scancart_test(test_st SOURCES unit/test_st.c DEPS sc_base LABELS unit)

@@ -46,6 +46,14 @@ const char *st_name(enum st st) {
     return "unknown status";
 }
 
+/* Messages quote names and values from outside: whatever they hold, the message stays one line and does
+ * nothing to a terminal. */
+static void keep_to_one_line(struct errctx *err) {
+    for (char *c = err->text; *c; c++)
+        if ((unsigned char)*c < 0x20 || *c == 0x7f)
+            *c = '?';
+}
+
 enum st errctx_set(struct errctx *err, enum st st, const char *fmt, ...) {
     if (!err)
         return st;
@@ -54,6 +62,7 @@ enum st errctx_set(struct errctx *err, enum st st, const char *fmt, ...) {
     va_start(args, fmt);
     (void)vsnprintf(err->text, sizeof err->text, fmt, args);
     va_end(args);
+    keep_to_one_line(err);
     return st;
 }
 
@@ -69,5 +78,6 @@ enum st errctx_prefix(struct errctx *err, enum st st, const char *fmt, ...) {
     if (n >= 0 && (size_t)n < sizeof err->text)
         (void)snprintf(err->text + n, sizeof err->text - (size_t)n, ": %s", rest);
     err->st = st;
+    keep_to_one_line(err);
     return st;
 }

@@ -48,8 +48,8 @@ struct errctx {
 /* Short English name of a status ("damaged"), never NULL. */
 const char *st_name(enum st st);
 
-/* Writes the message (printf style, truncated to fit) and returns `st`, so that a failing branch is
- * `return errctx_set(err, ST_FORMAT, "...")`. `err` may be NULL. Not for the real-time path. */
+/* Writes the message (printf style, truncated to fit, control characters replaced) and returns `st`,
+ * so that a failing branch is `return errctx_set(err, ST_FORMAT, "...")`. `err` may be NULL. Not for the real-time path. */
 enum st errctx_set(struct errctx *err, enum st st, const char *fmt, ...) ST_PRINTF(3, 4);
 
 /* Puts "prefix: " before the message already there and returns its status. `err` may be NULL, then `st`
