@@ -34,6 +34,12 @@ enum photo_flag {
     PHOTO_SKY = 1u << 7            /* at infinity by decision; disparity is then 0, not NaN */
 };
 
+/* A skin is a mesh cell; its flag stands at the cell's top-left pixel. Skins that another view has seen
+ * through are disproved: nothing is there. The others are the frontier of the unknown: nobody has looked at
+ * what they hide. At a pixel with a disparity PHOTO_NO_RETURN means nothing by itself; beside PHOTO_SKIN it
+ * marks the cell as disproved. */
+enum { PHOTO_SKIN_DISPROVED = PHOTO_SKIN | PHOTO_NO_RETURN };
+
 /* Confidence byte: the standard deviation of the disparity on a logarithmic scale. 0: unknown;
  * c in 1..255: sigma = 1e-6 * 2^((255 - c) / 10) 1/m, that is 1e-6 (c = 255) to about 42 (c = 1),
  * in steps of 7 %. */
