@@ -2,6 +2,9 @@
 #ifndef SC_APP_COMMANDS_H
 #define SC_APP_COMMANDS_H
 
+int cmd_check(int argc, const char **argv);
+int cmd_info(int argc, const char **argv);
+int cmd_new(int argc, const char **argv);
 int cmd_version(int argc, const char **argv);
 
 #endif

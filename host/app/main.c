@@ -7,6 +7,9 @@
 
 /* In the order of a day's work; the list printed by --help. */
 static const struct app_command commands[] = {
+    {"new", "make an empty site", cmd_new},
+    {"info", "what a site holds", cmd_info},
+    {"check", "verify a whole site", cmd_check},
     {"version", "print the version", cmd_version},
 };
 

@@ -11,6 +11,7 @@
 #include "site/writer_lock.h"
 
 #include <math.h>
+#include <pwd.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -49,8 +50,10 @@ enum site_mode site_mode_of(const struct site *site) {
 }
 
 void site_set_actor(struct site *site, const char *who, const char *program) {
-    (void)snprintf(site->who, sizeof site->who, "%s", who);
-    (void)snprintf(site->program, sizeof site->program, "%s", program);
+    if (who)
+        (void)snprintf(site->who, sizeof site->who, "%s", who);
+    if (program)
+        (void)snprintf(site->program, sizeof site->program, "%s", program);
 }
 
 void site_set_clock(struct site *site, int64_t utc_ns) {
@@ -141,6 +144,16 @@ enum st site_get_info(struct site *site, struct site_info *out_info, struct errc
     return st;
 }
 
+/* The login name, or the number of a user without one. */
+static void name_user(char *out_who, size_t capacity) {
+    char room[4096];
+    struct passwd entry, *found = NULL;
+    if (getpwuid_r(geteuid(), &entry, room, sizeof room, &found) == 0 && found)
+        (void)snprintf(out_who, capacity, "%s", found->pw_name);
+    else
+        (void)snprintf(out_who, capacity, "uid %ld", (long)geteuid());
+}
+
 static enum st new_handle(const char *path, enum site_mode mode, struct site **out_site,
                           struct errctx *err) {
     if (strlen(path) < 1 || strlen(path) > FILEIO_PATH_MAX - FILES_DIR_NAME_MAX - 32)
@@ -153,7 +166,7 @@ static enum st new_handle(const char *path, enum site_mode mode, struct site **o
         site->path[n - 1] = '\0';
     site->mode = mode;
     site->lock_fd = -1;
-    (void)snprintf(site->who, sizeof site->who, "uid %ld", (long)geteuid());
+    name_user(site->who, sizeof site->who);
     (void)snprintf(site->program, sizeof site->program, "scancart %s", SCANCART_VERSION);
     *out_site = site;
     return ST_OK;

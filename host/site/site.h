@@ -81,7 +81,7 @@ ST_MUST_CHECK enum st site_open(const char *path, enum site_mode mode, struct si
 enum st site_close(struct site *site, struct errctx *err);
 
 /* Who and what program stand in custody events; both are copied (cut at SITE_NAME_MAX - 1 bytes).
- * Before this call: the user id and "scancart VERSION". */
+ * NULL keeps what is: before the first call the login name and "scancart VERSION". */
 void site_set_actor(struct site *site, const char *who, const char *program);
 
 /* Replaces the wall clock of this handle by a fixed time, nanoseconds since 1970, so that two runs
