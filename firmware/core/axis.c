@@ -170,9 +170,12 @@ void axis_home(struct axis *axis, uint64_t now_us) {
                axis->limits.home_fast, now_us);
 }
 
+/* The switches were read before this step's pulse, when the last step had long been made: the edge
+ * lies one step back. */
 static void found_edge(struct axis *axis) {
-    axis->home_error = axis->homed ? axis->position - axis->limits.home_position : 0;
-    axis->position = axis->limits.home_position;
+    int32_t here = axis->limits.home_position + 1;
+    axis->home_error = axis->homed ? axis->position - here : 0;
+    axis->position = here;
     axis->homed = true;
     axis->homing = AXIS_HOMING_SETTLE;
     come_to_rest(axis, 0);

@@ -83,8 +83,8 @@ void axis_abort(struct axis *axis);
 void axis_home(struct axis *axis, uint64_t now_us);
 
 /* The pending step is due: gives the pulse, counts it, plans on. `switches` are the AXIS_AT_* bits
- * now, `late_us` how late the step is (the ramp is shifted if it is more than AXIS_LATE_MAX_US).
- * Step interrupt. Returns true if the ramp was shifted. */
+ * read just before. A step later than AXIS_LATE_MAX_US shifts the rest of the ramp, so that nothing
+ * has to be caught up. Step interrupt. Returns true if the ramp was shifted. */
 #define AXIS_LATE_MAX_US 20u
 bool axis_step(struct axis *axis, uint8_t switches, uint64_t now_us);
 

@@ -113,7 +113,7 @@ static enum mbexc write_coils(struct mbslave *s, const uint8_t *pdu, unsigned n,
     if (n < 6 || quantity < 1 || quantity > 1968 || pdu[5] != bytes || n != 6 + bytes)
         return MBEXC_VALUE;
     for (unsigned i = 0; i < quantity; i++)
-        s->scratch.bits[i] = pdu[6 + i / 8] >> i % 8 & 1u;
+        s->scratch.bits[i] = (uint8_t)((unsigned)pdu[6 + i / 8] >> i % 8 & 1u);
     echo(pdu, 5, reply);
     return s->model->write_coils(s->ctx, mbframe_get16(pdu + 1), quantity, s->scratch.bits);
 }
