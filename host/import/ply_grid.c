@@ -202,11 +202,6 @@ enum st ply_grid_parse(const void *data, size_t size, struct ply_grid *out_grid,
 
 /* ---- to a scan ---- */
 
-static struct mat3 station_from_file(const struct ply_grid_options *options) {
-    const struct mat3 turn = {{1, 0, 0, 0, 0, -1, 0, 1, 0}};
-    return options->y_up ? turn : mat3_identity();
-}
-
 static double unit_m(const struct ply_grid_options *options) {
     return options->unit_m > 0.0 ? options->unit_m : 1.0;
 }
@@ -274,7 +269,7 @@ enum st ply_grid_to_scan(const struct ply_grid *grid, const struct ply_grid_opti
     const double scale = unit_m(options);
     const double standoff_m =
         options->standoff_m > 0.0 ? options->standoff_m : STANDOFF_EXTENTS * extent * scale;
-    const struct mat3 turn = station_from_file(options);
+    const struct mat3 turn = frame_up_rotation(options->up);
     struct scan scan;
     memset(&scan, 0, sizeof scan);
     scan.samples = calloc(used, sizeof *scan.samples);
@@ -288,9 +283,8 @@ enum st ply_grid_to_scan(const struct ply_grid *grid, const struct ply_grid_opti
     (void)snprintf(scan.meta, sizeof scan.meta,
                    "{\"grid\":\"range_grid\",\"rows\":%d,\"columns\":%d,\"unit_m\":%.9g,"
                    "\"assumed\":\"rays from a point %.4g m from the middle of the samples, towards "
-                   "(%.3g %.3g %.3g) of the file\",\"y_up\":%s}",
-                   grid->rows, grid->columns, scale, standoff_m, viewer.x, viewer.y, viewer.z,
-                   options->y_up ? "true" : "false");
+                   "(%.3g %.3g %.3g) of the file\"}",
+                   grid->rows, grid->columns, scale, standoff_m, viewer.x, viewer.y, viewer.z);
     *out_scan = scan;
     return ST_OK;
 }
@@ -344,7 +338,7 @@ enum st ply_grid_conf_pose(const void *data, size_t size, const char *file,
 
 struct pose ply_grid_station_pose(const struct pose *world_from_file,
                                   const struct ply_grid_options *options) {
-    const struct mat3 turn = station_from_file(options), back = mat3_transpose(&turn);
+    const struct mat3 turn = frame_up_rotation(options->up), back = mat3_transpose(&turn);
     const struct mat3 half = mat3_mul(&turn, &world_from_file->r);
     const struct pose pose = {mat3_mul(&half, &back),
                               to_station(&turn, unit_m(options), world_from_file->t_m)};

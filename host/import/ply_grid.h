@@ -6,6 +6,7 @@
 
 #include "base/st.h"
 #include "base/vec.h"
+#include "import/frame_up.h"
 #include "import/scan.h"
 
 #include <stdbool.h>
@@ -36,11 +37,11 @@ void ply_grid_destroy(struct ply_grid *grid);
  * scanner has nearly parallel rays; it does not say more. */
 struct ply_grid_options {
     double unit_m;              /* length of the file's unit; 0: 1 */
-    struct vec3 towards_viewer; /* unit, file's frame; all 0: (0, 0, 1), the Stanford scanner's */
-    double
-        standoff_m; /* from the middle of the samples to the eye; 0: ten times their extent, which
-                     * keeps the density of the samples to 5 % and their order from the eye */
-    bool y_up;      /* turn the file's y to our z: station = (x, -z, y) */
+    struct vec3 towards_viewer; /* file's frame; all 0: (0, 0, 1), the Stanford scanner's */
+    /* From the middle of the samples to the eye; 0: ten times their extent, which keeps the density
+     * of the samples to 5 % and their order as seen. */
+    double standoff_m;
+    enum frame_up up; /* the axis of the file that is up in the station */
 };
 
 /* The samples as seen from the eye, in the station frame; places without a sample are left out,
