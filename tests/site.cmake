@@ -1,2 +1,4 @@
 # tests of site
 scancart_test(test_site SOURCES unit/test_site.c support/site_sample.c DEPS sc_site sqlite3 LABELS unit)
+scancart_test(prop_site_damage SOURCES prop/prop_site_damage.c support/site_sample.c DEPS sc_site sqlite3
+  LABELS prop TIMEOUT 300)
