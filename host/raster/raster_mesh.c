@@ -204,8 +204,7 @@ static inline enum cell_kind cell_kind(const struct mesh *mesh, uint8_t flags, u
 }
 
 /* Cells that reach behind the eye, or are large. */
-static void draw_large(struct mesh *mesh, const struct cell *cell, const int corners[4],
-                       int count) {
+static void draw_large(struct mesh *mesh, const struct cell *cell, const int *corners, int count) {
     static const double du[4] = {0, 1, 1, 0}, dv[4] = {0, 0, 1, 1};
     const double *c = mesh->job->c;
     struct mesh_corner p[4];
@@ -269,23 +268,60 @@ KERNEL void draw_cell(struct mesh *mesh, int32_t u) {
 
 /* ---- rows of ordinary cells ---- */
 
-KERNEL void put_row(struct mesh *mesh, const struct cell_row *row,
-                    const struct cell_fragments *fragments, const int32_t *list, int32_t count,
-                    int32_t i, int32_t j) {
+KERNEL void put_cell(const struct mesh *mesh, const struct cell_row *row,
+                     const struct cell_fragments *fragments, int32_t u, int32_t i, int32_t j) {
+    if (!fragments->upper[u])
+        return;
     const struct band *band = mesh->band;
+    ptrdiff_t at = (row->boxes->y_lo[u] + j - band->y0_px) * band->stride + row->boxes->x_lo[u] + i;
+    uint64_t upper = (uint64_t)fragments->upper[u] << 32;
+    if (!mesh->frame->rich && upper + UINT32_MAX <= band->key[at])
+        return; /* hidden whatever its colour */
+    uint32_t rgba = fragments->rgba[u];
+    if (mesh->frame->options->filter == RASTER_FILTER_CUBIC) {
+        struct mesh_paint paint = {mesh->job, false};
+        rgba = raster_texture_rgba(mesh->frame, &paint, (float)u + fragments->s[u],
+                                   (float)mesh->v + fragments->t[u]);
+    }
+    uint64_t key = upper | rgba;
+    if (mesh->frame->rich) {
+        int32_t place = 256 * mesh->v + u + fragments->place[u];
+        band_put_rich(band, at, key, mesh->job->item + (uint32_t)place, fragments->depth[u]);
+    } else {
+        band->key[at] = key > band->key[at] ? key : band->key[at];
+    }
+}
+
+/* Draws the listed cells of a row. */
+KERNEL void draw_listed(struct mesh *mesh, const struct cell_row *row,
+                        const struct cell_geometry *geometry, const int32_t *list, int32_t count,
+                        int32_t n) {
+    const struct cell_boxes *boxes = row->boxes;
+    struct cell_fragments fragments;
+    int32_t wide = 0, high = 0;
     for (int32_t k = 0; k < count; k++) {
         int32_t u = list[k];
-        if (!fragments->upper[u])
-            continue;
-        ptrdiff_t at =
-            (row->boxes->y_lo[u] + j - band->y0_px) * band->stride + row->boxes->x_lo[u] + i;
-        uint64_t key = (uint64_t)fragments->upper[u] << 32 | fragments->rgba[u];
-        if (mesh->frame->rich) {
-            int32_t place = 256 * mesh->v + u + fragments->place[u];
-            band_put_rich(band, at, key, mesh->job->item + (uint32_t)place, fragments->depth[u]);
-        } else {
-            band->key[at] = key > band->key[at] ? key : band->key[at];
+        int32_t nx = boxes->x_hi[u] - boxes->x_lo[u] + 1, ny = boxes->y_hi[u] - boxes->y_lo[u] + 1;
+        wide = nx > wide ? nx : wide;
+        high = ny > high ? ny : high;
+        mesh->tested += (int64_t)nx * ny;
+    }
+    for (int32_t j = 0; j < high && j < CELL_WIDE_PX; j++)
+        for (int32_t i = 0; i < wide && i < CELL_WIDE_PX; i++) {
+            cell_fragments_make(row, geometry, i, j, 0, n, &fragments);
+            for (int32_t k = 0; k < count; k++)
+                put_cell(mesh, row, &fragments, list[k], i, j);
         }
+    if (wide <= CELL_WIDE_PX && high <= CELL_WIDE_PX)
+        return;
+    for (int32_t k = 0; k < count; k++) {
+        int32_t u = list[k];
+        int32_t nx = boxes->x_hi[u] - boxes->x_lo[u] + 1, ny = boxes->y_hi[u] - boxes->y_lo[u] + 1;
+        for (int32_t j = 0; j < ny; j++)
+            for (int32_t i = j < CELL_WIDE_PX ? CELL_WIDE_PX : 0; i < nx; i++) {
+                cell_fragments_make(row, geometry, i, j, u, u + 1, &fragments);
+                put_cell(mesh, row, &fragments, u, i, j);
+            }
     }
 }
 
@@ -300,33 +336,23 @@ KERNEL void draw_row(struct mesh *mesh, int32_t n) {
                            .depth_max = mesh->frame->depth_max,
                            .nearest = options->filter == RASTER_FILTER_NEAREST,
                            .front_only = options->faces == RASTER_FACES_FRONT};
-    bool fast = options->primitive == RASTER_MESH && options->skins != RASTER_SKINS_ONLY &&
-                options->filter != RASTER_FILTER_CUBIC;
+    bool fast = options->primitive == RASTER_MESH && options->skins != RASTER_SKINS_ONLY;
     struct cell_geometry geometry;
     cell_boxes_make(a, b, mesh->band, mesh->tolerance_px, n, &mesh->boxes);
     cell_geometry_make(&row, n, &geometry);
-    int32_t list[ROW_MAX], count = 0, wide = 0, high = 0;
+    int32_t list[ROW_MAX], count = 0;
     const uint8_t ordinary = VERTEX_SHOWN | VERTEX_FRONT;
     for (int32_t u = 0; u < n; u++) {
         uint8_t all = a->bits[u] & a->bits[u + 1] & b->bits[u] & b->bits[u + 1];
-        int32_t nx = mesh->boxes.x_hi[u] - mesh->boxes.x_lo[u] + 1;
-        int32_t ny = mesh->boxes.y_hi[u] - mesh->boxes.y_lo[u] + 1;
-        bool whole = (all & ordinary) == ordinary, empty = nx <= 0 || ny <= 0;
+        bool whole = (all & ordinary) == ordinary;
+        bool empty = (mesh->boxes.x_hi[u] < mesh->boxes.x_lo[u]) |
+                     (mesh->boxes.y_hi[u] < mesh->boxes.y_lo[u]);
         bool mine = whole && fast && geometry.plain[u] && !(a->flags[u] & PHOTO_SKIN);
         mesh->todo[u] = !mine && !(whole && empty);
-        if (!mine || empty)
-            continue;
-        list[count++] = u;
-        wide = nx > wide ? nx : wide;
-        high = ny > high ? ny : high;
-        mesh->tested += (int64_t)nx * ny;
+        list[count] = u;
+        count += mine && !empty;
     }
-    struct cell_fragments fragments;
-    for (int32_t j = 0; count && j < high; j++)
-        for (int32_t i = 0; i < wide; i++) {
-            cell_fragments_make(&row, &geometry, i, j, n, &fragments);
-            put_row(mesh, &row, &fragments, list, count, i, j);
-        }
+    draw_listed(mesh, &row, &geometry, list, count, n);
 }
 
 SC_SIMD_CLONES

@@ -10,7 +10,9 @@
 
 #include "raster/raster_band.h"
 
-enum { CELL_MAX_PX = 4, CELL_MAX_FRAGMENTS = CELL_MAX_PX * CELL_MAX_PX };
+/* A row's cells are drawn together up to CELL_WIDE_PX pixels each way; of larger ones the rest is
+ * drawn one by one, up to CELL_MAX_PX. */
+enum { CELL_WIDE_PX = 2, CELL_MAX_PX = 12 };
 
 enum vertex_bits {
     VERTEX_THERE = 1, /* has a disparity */
@@ -55,44 +57,48 @@ struct cell_geometry {
 struct cell_fragments {
     uint32_t upper[ROW_MAX], rgba[ROW_MAX]; /* upper half of the key, 0 for nothing */
     float depth[ROW_MAX];
-    int32_t place[ROW_MAX]; /* of the nearest sample, 256 v + u in the cell */
+    int32_t place[ROW_MAX];       /* of the nearest sample, 256 v + u in the cell */
+    float s[ROW_MAX], t[ROW_MAX]; /* (u, v) in the cell, 0..1 */
 };
 
-KERNEL void cell_boxes_make(const struct line *a, const struct line *b, const struct band *band,
-                            float tolerance_px, int32_t n, struct cell_boxes *out) {
+KERNEL float min2(float a, float b) {
+    return a < b ? a : b;
+}
+KERNEL float max2(float a, float b) {
+    return a > b ? a : b;
+}
+
+/* First and last whole number in lo..hi, both cut to first..last (NaN too); lo > hi if there is
+ * none. */
+KERNEL void whole_between(float lo, float hi, float first, float last, int32_t *out_lo,
+                          int32_t *out_hi) {
+    lo = min2(max2(lo, first), last + 1.0f);
+    hi = max2(min2(hi, last), first - 1.0f);
+    int32_t floor_lo = (int32_t)lo; /* first >= 0: truncation rounds down */
+    *out_lo = floor_lo + ((float)floor_lo < lo);
+    *out_hi = (int32_t)(hi + 1.0f) - 1;
+}
+
+KERNEL void cell_boxes_make(const struct line *restrict a, const struct line *restrict b,
+                            const struct band *band, float tolerance_px, int32_t n,
+                            struct cell_boxes *restrict out) {
     float x_last = (float)(band->width_px - 1);
     float y_first = (float)band->y0_px, y_last = (float)(band->y1_px - 1);
     for (int32_t u = 0; u < n; u++) {
         float x0 = a->x_px[u], x1 = a->x_px[u + 1], x2 = b->x_px[u + 1], x3 = b->x_px[u];
         float y0 = a->y_px[u], y1 = a->y_px[u + 1], y2 = b->y_px[u + 1], y3 = b->y_px[u];
-        float x01 = x0 < x1 ? x0 : x1, x23 = x2 < x3 ? x2 : x3;
-        float y01 = y0 < y1 ? y0 : y1, y23 = y2 < y3 ? y2 : y3;
-        float xl = (x01 < x23 ? x01 : x23) - tolerance_px;
-        float yl = (y01 < y23 ? y01 : y23) - tolerance_px;
-        x01 = x0 > x1 ? x0 : x1;
-        x23 = x2 > x3 ? x2 : x3;
-        y01 = y0 > y1 ? y0 : y1;
-        y23 = y2 > y3 ? y2 : y3;
-        float xh = (x01 > x23 ? x01 : x23) + tolerance_px;
-        float yh = (y01 > y23 ? y01 : y23) + tolerance_px;
-        out->side_px[u] = xh - xl > yh - yl ? xh - xl : yh - yl;
-        xl = xl > 0.0f ? xl : 0.0f; /* also takes NaN away */
-        yl = yl > y_first ? yl : y_first;
-        xh = xh < x_last ? xh : x_last;
-        yh = yh < y_last ? yh : y_last;
-        xh = xh > -1.0f ? xh : -1.0f;
-        yh = yh > -1.0f ? yh : -1.0f;
-        xl = xl < 1e6f ? xl : 1e6f;
-        yl = yl < 1e6f ? yl : 1e6f;
-        int32_t ix = (int32_t)xl, iy = (int32_t)yl; /* not negative: truncation rounds down */
-        out->x_lo[u] = ix + ((float)ix < xl);
-        out->y_lo[u] = iy + ((float)iy < yl);
-        out->x_hi[u] = (int32_t)(xh + 1.0f) - 1;
-        out->y_hi[u] = (int32_t)(yh + 1.0f) - 1;
+        float x_lo = min2(min2(x0, x1), min2(x2, x3)) - tolerance_px;
+        float y_lo = min2(min2(y0, y1), min2(y2, y3)) - tolerance_px;
+        float x_hi = max2(max2(x0, x1), max2(x2, x3)) + tolerance_px;
+        float y_hi = max2(max2(y0, y1), max2(y2, y3)) + tolerance_px;
+        out->side_px[u] = max2(x_hi - x_lo, y_hi - y_lo);
+        whole_between(x_lo, x_hi, 0.0f, x_last, &out->x_lo[u], &out->x_hi[u]);
+        whole_between(y_lo, y_hi, y_first, y_last, &out->y_lo[u], &out->y_hi[u]);
     }
 }
 
-KERNEL void cell_geometry_make(const struct cell_row *row, int32_t n, struct cell_geometry *out) {
+KERNEL void cell_geometry_make(const struct cell_row *row, int32_t n,
+                               struct cell_geometry *restrict out) {
     const struct line *a = row->a, *b = row->b;
     for (int32_t u = 0; u < n; u++) {
         float x = a->x_px[u], y = a->y_px[u];
@@ -110,52 +116,57 @@ KERNEL void cell_geometry_make(const struct cell_row *row, int32_t n, struct cel
         out->inv_d[u] = 1.0f / area_d;
         int32_t seen = ((area_b < 0.0f) & (area_d > 0.0f)) |
                        ((area_b > 0.0f) & (area_d < 0.0f) & !row->front_only);
-        out->plain[u] = seen & (row->boxes->side_px[u] < (float)CELL_MAX_PX - 0.5f);
+        out->plain[u] = seen & (row->boxes->side_px[u] < (float)CELL_MAX_PX);
     }
+}
+
+/* A choice of values, both at hand: no branch, so that loops can be vectorised. */
+KERNEL float either(int32_t first, float a, float b) {
+    return first ? a : b;
 }
 
 KERNEL uint32_t channel(float value) {
     return (uint32_t)(int32_t)(value + 0.5f);
 }
 
-/* Fragments at the pixels (i, j) of the cells' boxes. */
+/* Fragments at the pixels (i, j) of the boxes of cells first..end - 1. */
 KERNEL void cell_fragments_make(const struct cell_row *row, const struct cell_geometry *g,
-                                int32_t i, int32_t j, int32_t n, struct cell_fragments *out) {
+                                int32_t i, int32_t j, int32_t first, int32_t end,
+                                struct cell_fragments *restrict out) {
     const struct line *a = row->a, *b = row->b;
     const struct cell_boxes *boxes = row->boxes;
     float tolerance = row->tolerance_px, depth_max = row->depth_max;
     float snap = row->nearest ? 1.0f : 0.0f;
-    for (int32_t u = 0; u < n; u++) {
+    for (int32_t u = first; u < end; u++) {
         int32_t ix = boxes->x_lo[u] + i, iy = boxes->y_lo[u] + j;
         float px = (float)ix - a->x_px[u], py = (float)iy - a->y_px[u];
         float cx = g->cx[u], cy = g->cy[u];
         float cross = cx * py - cy * px;
         int32_t on_b = cross * g->inv_b[u] >= 0.0f;
-        float qx = on_b ? g->bx[u] : g->dx[u], qy = on_b ? g->by[u] : g->dy[u];
-        float inv = on_b ? g->inv_b[u] : g->inv_d[u];
+        float qx = either(on_b, g->bx[u], g->dx[u]), qy = either(on_b, g->by[u], g->dy[u]);
+        float inv = either(on_b, g->inv_b[u], g->inv_d[u]);
         float lq = cross * inv, lc = (px * qy - py * qx) * inv, la = 1.0f - lq - lc;
-        float slack = -tolerance * (inv > 0.0f ? inv : -inv);
-        float reach_c = (qx > 0 ? qx : -qx) + (qy > 0 ? qy : -qy);
-        float ax = cx - qx, ay = cy - qy;
-        float reach_a = (ax > 0 ? ax : -ax) + (ay > 0 ? ay : -ay);
+        float slack = -tolerance * fabsf(inv);
+        float reach_c = fabsf(qx) + fabsf(qy);
+        float reach_a = fabsf(cx - qx) + fabsf(cy - qy);
         int32_t in = (lq >= 0.0f) & (lc >= slack * reach_c) & (la >= slack * reach_a) &
                      (ix <= boxes->x_hi[u]) & (iy <= boxes->y_hi[u]);
-        float depth_q = on_b ? a->depth[u + 1] : b->depth[u];
-        float top_q = on_b ? a->top[u + 1] : b->top[u];
-        float w_q = on_b ? a->inv_w[u + 1] : b->inv_w[u];
+        float depth_q = either(on_b, a->depth[u + 1], b->depth[u]);
+        float top_q = either(on_b, a->top[u + 1], b->top[u]);
+        float w_q = either(on_b, a->inv_w[u + 1], b->inv_w[u]);
         float depth = la * a->depth[u] + lq * depth_q + lc * b->depth[u + 1];
         float top = la * a->top[u] + lq * top_q + lc * b->top[u + 1];
-        top = top > 0.0f ? top : 0.0f;
+        top = max2(top, 0.0f);
         in &= (depth >= 0.0f) & (depth <= depth_max);
         float ma = la * a->inv_w[u], mq = lq * w_q, mc = lc * b->inv_w[u + 1];
         float scale = 1.0f / (ma + mq + mc);
-        float s = (on_b ? mq + mc : mc) * scale, t = (on_b ? mc : mq + mc) * scale;
-        s = s > 0.0f ? s : 0.0f;
-        t = t > 0.0f ? t : 0.0f;
-        s = s < 1.0f ? s : 1.0f;
-        t = t < 1.0f ? t : 1.0f;
+        float s = (mc + either(on_b, mq, 0.0f)) * scale, t = (mc + either(on_b, 0.0f, mq)) * scale;
+        s = min2(max2(s, 0.0f), 1.0f);
+        t = min2(max2(t, 0.0f), 1.0f);
+        out->s[u] = s;
+        out->t[u] = t;
         int32_t s_up = s >= 0.5f, t_up = t >= 0.5f;
-        float cs = snap > 0.0f ? (float)s_up : s, ct = snap > 0.0f ? (float)t_up : t;
+        float cs = s + snap * ((float)s_up - s), ct = t + snap * ((float)t_up - t);
         float wc = cs * ct, wb = cs - wc, wd = ct - wc, wa = 1.0f - cs - wd;
         uint32_t red = channel(wa * a->rgb[0][u] + wb * a->rgb[0][u + 1] + wc * b->rgb[0][u + 1] +
                                wd * b->rgb[0][u]);
