@@ -113,20 +113,49 @@ static void place(const struct shaper *s, const struct grid *g, int x, int y, in
         (int32_t)mesh_vertex(s->mesh, world, mat3_mulv(&s->world_from_local.r, normal));
 }
 
-static void emit(const struct shaper *s, const struct grid *g, const int32_t q[4]) {
+/* The vertex where the clip function changes sign between a and b, linearly. */
+static uint32_t clip_vertex(const struct shaper *s, uint32_t a, uint32_t b, float fa, float fb) {
+    double t = (double)(fa / (fa - fb));
+    struct vec3 p = vec3_add(vec3_scale(mesh_position(s->mesh, a), 1 - t),
+                             vec3_scale(mesh_position(s->mesh, b), t));
+    const float *na = s->mesh->normal + 3 * (size_t)a, *nb = s->mesh->normal + 3 * (size_t)b;
+    struct vec3 n = vec3_make((1 - t) * (double)na[0] + t * (double)nb[0],
+                              (1 - t) * (double)na[1] + t * (double)nb[1],
+                              (1 - t) * (double)na[2] + t * (double)nb[2]);
+    double norm = vec3_norm(n);
+    return mesh_vertex(s->mesh, p, norm > 1e-6 ? vec3_scale(n, 1 / norm) : n);
+}
+
+/* Adds the part of a triangle where the clip function is negative (Sutherland and Hodgman 1974). */
+static void emit_clipped(const struct shaper *s, const struct grid *g, const uint32_t t[3]) {
     const struct pose *w = &s->world_from_local;
+    float f[3];
+    for (int k = 0; k < 3; k++) {
+        struct vec3 l = mat3_tmulv(&w->r, vec3_sub(mesh_position(s->mesh, t[k]), w->t_m));
+        f[k] = g->job->clip(g->job->ctx, sdf_at((float)l.x, (float)l.y, (float)l.z));
+    }
+    uint32_t corner[4];
+    int count = 0;
+    for (int k = 0; k < 3 && !s->mesh->st; k++) {
+        int next = (k + 1) % 3;
+        if (f[k] < 0)
+            corner[count++] = t[k];
+        if ((f[k] < 0) != (f[next] < 0))
+            corner[count++] = clip_vertex(s, t[k], t[next], f[k], f[next]);
+    }
+    for (int k = 2; k < count; k++)
+        mesh_triangle(s->mesh, corner[0], corner[k - 1], corner[k], s->part);
+}
+
+static void emit(const struct shaper *s, const struct grid *g, const int32_t q[4]) {
     for (int half = 0; half < 2; half++) {
-        uint32_t a = (uint32_t)q[0], b = (uint32_t)q[1 + half], c = (uint32_t)q[2 + half];
-        if (g->job->mask) {
-            struct vec3 m =
-                vec3_scale(vec3_add(vec3_add(mesh_position(s->mesh, a), mesh_position(s->mesh, b)),
-                                    mesh_position(s->mesh, c)),
-                           1.0 / 3);
-            struct vec3 l = mat3_tmulv(&w->r, vec3_sub(m, w->t_m));
-            if (!g->job->mask(g->job->ctx, sdf_at((float)l.x, (float)l.y, (float)l.z)))
-                continue;
-        }
-        mesh_triangle(s->mesh, a, b, c, s->part);
+        const uint32_t t[3] = {(uint32_t)q[0], (uint32_t)q[1 + half], (uint32_t)q[2 + half]};
+        if (s->mesh->st)
+            return;
+        if (g->job->clip)
+            emit_clipped(s, g, t);
+        else
+            mesh_triangle(s->mesh, t[0], t[1], t[2], s->part);
     }
 }
 

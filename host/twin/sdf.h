@@ -14,12 +14,9 @@ struct sdf_point {
 /* Distance at p, m. Must not overestimate by more than the mesher's `slack`. Called from many
  * threads. */
 typedef float sdf_function(const void *ctx, struct sdf_point p);
-/* Keep this triangle? p is its centre. NULL keeps all. */
-typedef int sdf_mask(const void *ctx, struct sdf_point p);
-
 struct sdf_job {
     sdf_function *distance;
-    sdf_mask *mask;
+    sdf_function *clip; /* only the surface where this is negative is kept; NULL: all */
     const void *ctx;
     struct vec3 min, max; /* box in the local frame that holds the surface */
     double cell_m;        /* size of a grid cell */
