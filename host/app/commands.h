@@ -5,6 +5,7 @@
 int cmd_check(int argc, const char **argv);
 int cmd_info(int argc, const char **argv);
 int cmd_new(int argc, const char **argv);
+int cmd_controller(int argc, const char **argv);
 int cmd_version(int argc, const char **argv);
 
 #endif

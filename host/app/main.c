@@ -10,6 +10,7 @@ static const struct app_command commands[] = {
     {"new", "make an empty site", cmd_new},
     {"info", "what a site holds", cmd_info},
     {"check", "verify a whole site", cmd_check},
+    {"controller", "the cart's controller: status, homing, moves, faults", cmd_controller},
     {"version", "print the version", cmd_version},
 };
 
