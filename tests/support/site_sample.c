@@ -23,8 +23,8 @@ struct station_pose site_sample_pose(double angle_rad) {
 
 void site_sample_bytes(uint64_t seed, uint8_t *out_bytes, size_t size) {
     for (size_t i = 0; i < size; i++) {
-        uint64_t x = (seed + i / 4) * UINT64_C(0x9e3779b97f4a7c15);
-        out_bytes[i] = i % 4 == 0 ? (uint8_t)(x >> 56) : (uint8_t)(i / 64);
+        uint64_t x = (seed + i / 1024) * UINT64_C(0x9e3779b97f4a7c15);
+        out_bytes[i] = (uint8_t)((i / 512 % 2 ? x ^ (x * i) >> 20 : i) >> 3);
     }
 }
 

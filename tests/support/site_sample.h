@@ -17,7 +17,7 @@
 /* A pose somewhere, from "test". */
 struct station_pose site_sample_pose(double angle_rad);
 
-/* Payload bytes that depend on `seed`, a quarter of them random. */
+/* Payload bytes that depend on `seed`, half of them compressible. */
 void site_sample_bytes(uint64_t seed, uint8_t *out_bytes, size_t size);
 
 /* A chunk of `count` items from number `first` on. */
