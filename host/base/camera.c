@@ -130,8 +130,21 @@ static double r_max(const struct camera *cam) {
 double camera_s_max(const struct camera *cam) {
     if (camera_is_pinhole(cam))
         return INFINITY;
-    double r = r_max(cam);
-    return r * r;
+    /* Points near the edge of one camera come by the thousand: the last answer is kept. */
+    static _Thread_local struct {
+        struct camera cam;
+        double s_max;
+        bool known;
+    } last;
+    const struct camera *c = &last.cam;
+    if (!last.known || c->k1 != cam->k1 || c->k2 != cam->k2 || c->k3 != cam->k3 ||
+        c->p1 != cam->p1 || c->p2 != cam->p2) {
+        double r = r_max(cam);
+        last.cam = *cam;
+        last.s_max = r * r;
+        last.known = true;
+    }
+    return last.s_max;
 }
 
 /* s <= s_max. Most points are decided by a lower bound of the boundary polynomials that falls with
@@ -267,9 +280,9 @@ static enum st undistort(const struct camera *cam, const double d[2], double out
         out_xy[1] = xy[1];
         return ST_OK;
     }
-    double r = r_max(cam);
+    double r = sqrt(camera_s_max(cam));
     if (!invert_safe(cam, d, fmin(r, r_search_max), xy) ||
-        !(xy[0] * xy[0] + xy[1] * xy[1] <= r * r))
+        !(xy[0] * xy[0] + xy[1] * xy[1] <= camera_s_max(cam)))
         return ST_DOMAIN;
     out_xy[0] = xy[0];
     out_xy[1] = xy[1];

@@ -1,5 +1,5 @@
-/* Camera model: pinhole with Brown-Conrady distortion (Brown 1971): radial k1 k2 k3, tangential p1 p2.
- * Frame `cam`: x right, y down, z forward. Pixel (0,0) is the centre of the top-left pixel.
+/* Camera model: pinhole with Brown-Conrady distortion (Brown 1971): radial k1 k2 k3, tangential p1
+ * p2. Frame `cam`: x right, y down, z forward. Pixel (0,0) is the centre of the top-left pixel.
  *
  * Model. With x = X/Z, y = Y/Z, s = x^2 + y^2:
  *   g  = 1 + k1 s + k2 s^2 + k3 s^3
@@ -7,11 +7,10 @@
  *   y' = y g + p1 (s + 2 y^2) + 2 p2 x y
  *   u  = fx x' + cx,  v = fy y' + cy
  *
- * Domain. Z > 0 and s <= s_max = r_max^2. r_max is the first r > 0 (infinity if none below 1e8) where
- *   min(d(r g)/dr, g) = 6 |(p1, p2)| r,
- * without tangential distortion the first stationary point of the radial map r g(r^2). Up to there the
- * map's (symmetric) Jacobian is positive definite, so that a pixel has one ray; beyond, it may have several
- * and the model refuses. */
+ * Domain. Z > 0 and s <= s_max = r_max^2. r_max is the first r > 0 (infinity if none below 1e8)
+ * where min(d(r g)/dr, g) = 6 |(p1, p2)| r, without tangential distortion the first stationary
+ * point of the radial map r g(r^2). Up to there the map's (symmetric) Jacobian is positive
+ * definite, so that a pixel has one ray; beyond, it may have several and the model refuses. */
 #ifndef SC_BASE_CAMERA_H
 #define SC_BASE_CAMERA_H
 
@@ -37,24 +36,25 @@ struct camera camera_pinhole(int32_t width_px, int32_t height_px, double hfov_ra
 /* True if all distortion coefficients are 0. */
 bool camera_is_pinhole(const struct camera *cam);
 
-/* ST_INVALID with a reason unless sizes are in 1..65536, focal lengths positive and everything finite. */
+/* ST_INVALID with a reason unless sizes are in 1..65536, focal lengths positive and everything
+ * finite. */
 ST_MUST_CHECK enum st camera_check(const struct camera *cam, struct errctx *err);
 
-/* s_max of the domain (see above), in squared normalised coordinates; INFINITY where unbounded. Cost: the
- * first positive root of two polynomials of degree 6, some 10 us. camera_project() and camera_unproject()
- * need it only near the edge. */
+/* s_max of the domain (see above), in squared normalised coordinates; INFINITY where unbounded.
+ * Cost: the first positive root of two polynomials of degree 6, some 50 us, once for each camera in
+ * a row that a thread asks for. */
 double camera_s_max(const struct camera *cam);
 
-/* Point in cam (metres, any positive scale) to pixel. out_dq_dp, if not NULL, is 2x3 row-major, px/m.
- * ST_DOMAIN behind the camera or beyond s_max. No allocation. */
-ST_MUST_CHECK enum st camera_project(const struct camera *cam, struct vec3 p_cam, struct vec2 *out_q_px,
-                                     double out_dq_dp[6]);
+/* Point in cam (metres, any positive scale) to pixel. out_dq_dp, if not NULL, is 2x3 row-major,
+ * px/m. ST_DOMAIN behind the camera or beyond s_max. No allocation. */
+ST_MUST_CHECK enum st camera_project(const struct camera *cam, struct vec3 p_cam,
+                                     struct vec2 *out_q_px, double out_dq_dp[6]);
 
-/* Pixel to the ray (x, y, 1). out_dr_dq, if not NULL, is 2x2 row-major: d(x, y) / d(u, v), 1/px. Newton
- * from a fixed-point start, damped within the domain where that fails, to 1e-12; ST_DOMAIN where no ray of
- * the domain projects there. */
-ST_MUST_CHECK enum st camera_unproject(const struct camera *cam, struct vec2 q_px, struct vec3 *out_ray,
-                                       double out_dr_dq[4]);
+/* Pixel to the ray (x, y, 1). out_dr_dq, if not NULL, is 2x2 row-major: d(x, y) / d(u, v), 1/px.
+ * Newton from a fixed-point start, damped within the domain where that fails, to 1e-12; ST_DOMAIN
+ * where no ray of the domain projects there. */
+ST_MUST_CHECK enum st camera_unproject(const struct camera *cam, struct vec2 q_px,
+                                       struct vec3 *out_ray, double out_dr_dq[4]);
 
 /* The pinhole ray K^-1 [u v 1]^T, ignoring distortion: what an undistorted photograph uses. */
 static inline struct vec3 camera_pinhole_ray(const struct camera *cam, double u_px, double v_px) {

@@ -31,7 +31,7 @@ void progress_init(struct progress *progress, FILE *out, const char *label, int6
                    const char *unit);
 
 /* Counts n more things as done and draws at most ten times a second. From any thread, never waits
- * for another; NULL is silent, so that callers need not ask. 30 ns when not drawing: call it per
+ * for another; NULL is silent, so that callers need not ask. 50 ns when not drawing: call it per
  * tile or chunk, not per sample. Not for the real-time path. */
 void progress_add(struct progress *progress, int64_t n);
 

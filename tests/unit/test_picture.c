@@ -262,6 +262,37 @@ static void white_stays_white_in_grey(void **state) {
     picture_destroy(&p);
 }
 
+static void files_are_read_in_the_form_that_is_asked_for(void **state) {
+    (void)state;
+    struct errctx err = {0};
+    char dir[TEMPDIR_MAX], png[FILEIO_PATH_MAX], jpg[FILEIO_PATH_MAX], pfm[FILEIO_PATH_MAX];
+    assert_true(tempdir_make(dir));
+    assert_int_equal(fileio_join(dir, "a.png", png, &err), ST_OK);
+    assert_int_equal(fileio_join(dir, "a.jpg", jpg, &err), ST_OK);
+    assert_int_equal(fileio_join(dir, "a.pfm", pfm, &err), ST_OK);
+    struct image_u8 im = make_image(31, 21, 1), back;
+    assert_int_equal(picture_write_png(png, &im, &err), ST_OK);
+    assert_int_equal(picture_write_jpeg(jpg, &im, 90, &err), ST_OK);
+    assert_int_equal(fileio_write(pfm, "Pf 1 1 1\n\x3f\x80\x00\x00", 13, &err), ST_OK);
+    assert_int_equal(picture_read_rgb(png, &back, &err), ST_OK);
+    assert_true(back.channels == 3 && back.width_px == 31 && back.height_px == 21);
+    for (int c = 0; c < 3; c++)
+        assert_int_equal(image_u8_at(&back, 30, 20)[c], *image_u8_at(&im, 30, 20));
+    image_u8_destroy(&back);
+    assert_int_equal(picture_read_grey(jpg, &back, &err), ST_OK);
+    assert_int_equal(back.channels, 1);
+    image_u8_destroy(&back);
+    assert_int_equal(picture_read_rgb(pfm, &back, &err), ST_UNSUPPORTED);
+    assert_ptr_equal(strstr(err.text, pfm), err.text); /* names the file */
+    assert_int_equal(picture_read_grey("/nonexistent.png", &back, &err), ST_NOT_FOUND);
+    assert_int_equal(picture_write_png("/nonexistent/a.png", &im, &err), ST_NOT_FOUND);
+    struct image_u8 empty = {0};
+    assert_int_equal(picture_write_png(png, &empty, &err), ST_INVALID);
+    assert_ptr_equal(strstr(err.text, png), err.text);
+    tempdir_remove(dir);
+    image_u8_destroy(&im);
+}
+
 static void refuses_to_encode_what_is_no_picture(void **state) {
     (void)state;
     struct image_u8 empty = {0}, two = make_image(4, 4, 2);
@@ -289,6 +320,7 @@ int main(void) {
         cmocka_unit_test(absurd_png_header_takes_no_memory),
         cmocka_unit_test(numbers_are_taken_from_grey_and_equal_channels_only),
         cmocka_unit_test(white_stays_white_in_grey),
+        cmocka_unit_test(files_are_read_in_the_form_that_is_asked_for),
         cmocka_unit_test(refuses_to_encode_what_is_no_picture),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
