@@ -1,1 +1,4 @@
 # tests of fusion
+scancart_test(test_tile_code SOURCES unit/test_tile_code.c DEPS sc_base LABELS unit)
+scancart_test(test_tile_pack SOURCES unit/test_tile_pack.c DEPS sc_base LABELS unit)
+scancart_fuzz(tile_pack SOURCES fuzz/fuzz_tile_pack.c DEPS sc_base)
