@@ -186,8 +186,10 @@ static void homing_step(struct axis *axis) {
     bool at_home = axis->switches & AXIS_AT_HOME;
     switch (axis->homing) {
     case AXIS_HOMING_LEAVE:
-        if (!at_home)
+        if (!at_home) {
+            axis->homing = AXIS_HOMING_LEFT;
             come_to_rest(axis, homing_depth(axis));
+        }
         break;
     case AXIS_HOMING_SEEK:
         if (at_home) {
@@ -199,7 +201,7 @@ static void homing_step(struct axis *axis) {
         if (!at_home)
             found_edge(axis);
         break;
-    default: /* STOP and SETTLE run out by themselves */
+    default: /* LEFT, STOP and SETTLE run out by themselves */
         break;
     }
 }
@@ -208,7 +210,7 @@ static void homing_step(struct axis *axis) {
 static void homing_rest(struct axis *axis, uint64_t now_us) {
     bool at_home = axis->switches & AXIS_AT_HOME;
     uint32_t travel = homing_travel(axis);
-    if (axis->homing == AXIS_HOMING_LEAVE && !at_home) {
+    if (axis->homing == AXIS_HOMING_LEFT && !at_home) {
         homing_leg(axis, AXIS_HOMING_SEEK, false, travel, axis->limits.home_fast, now_us);
     } else if (axis->homing == AXIS_HOMING_STOP && at_home) {
         homing_leg(axis, AXIS_HOMING_EDGE, true, travel, axis->limits.home_slow, now_us);

@@ -22,11 +22,12 @@ enum axis_flag { /* bits of pan_flags and tilt_flags */
 enum axis_homing {
     AXIS_HOMING_OFF = 0,
     AXIS_HOMING_LEAVE = 1,  /* fast, positive, out of the home switch's zone, if it starts there */
-    AXIS_HOMING_SEEK = 2,   /* fast, negative, until the home switch closes */
-    AXIS_HOMING_STOP = 3,   /* ramping down inside the zone, at least the backlash deep */
-    AXIS_HOMING_EDGE = 4,   /* slow, positive, until it opens: that edge is home_position */
-    AXIS_HOMING_SETTLE = 5, /* ramping down behind the edge */
-    AXIS_HOMING_FAILED = 6  /* the whole travel without an edge, or a limit switch */
+    AXIS_HOMING_LEFT = 2,   /* ramping down outside the zone */
+    AXIS_HOMING_SEEK = 3,   /* fast, negative, until the home switch closes */
+    AXIS_HOMING_STOP = 4,   /* ramping down inside the zone, at least the backlash deep */
+    AXIS_HOMING_EDGE = 5,   /* slow, positive, until it opens: that edge is home_position */
+    AXIS_HOMING_SETTLE = 6, /* ramping down behind the edge */
+    AXIS_HOMING_FAILED = 7  /* the whole travel without an edge, or a limit switch */
 };
 
 /* Everything that a move needs to know; copied from the holding registers by core/cregs. */

@@ -49,7 +49,7 @@ static uint32_t find_conditions(const struct estop *estop, const struct estop_in
         {!in->temperature_valid, FAULT_TEMP_SENSOR},
         {in->pan_limit_hit, FAULT_PAN_LIMIT},
         {in->tilt_limit_hit, FAULT_TILT_LIMIT},
-        {!in->mirror_in_range, FAULT_MIRROR_SLOW},
+        {!in->mirror_in_range && !in->mirror_too_fast, FAULT_MIRROR_SLOW},
         {in->mirror_too_fast, FAULT_MIRROR_FAST},
         {in->mirror_stalled, FAULT_MIRROR_STALL},
         {in->host_silence_ms > in->host_timeout_ms, FAULT_HOST_SILENT},

@@ -88,8 +88,9 @@ void firmware_halt(struct firmware *fw) {
 
 /* --- the safety tick ------------------------------------------------------------------------- */
 
+/* Rounded up, so that a limit in ms is exceeded as soon as it is passed. */
 static uint32_t milliseconds(uint64_t now_us, uint64_t then_us) {
-    uint64_t ms = (now_us - then_us) / 1000;
+    uint64_t ms = (now_us - then_us + 999) / 1000;
     return ms > INT32_MAX ? INT32_MAX : (uint32_t)ms;
 }
 
@@ -152,10 +153,10 @@ static void judge(struct firmware *fw, uint32_t interval_us) {
 void firmware_isr_tick(void) {
     struct firmware *fw = hal_firmware();
     uint64_t now_us = timebase_now(fw);
-    uint16_t count = hal_capture_encoder().count;
+    struct hal_encoder encoder = hal_capture_encoder();
     fw->ticks++;
-    (void)encunwrap_update(&fw->encoder, count);
-    mirrorctl_tick(&fw->mirror, now_us, count);
+    (void)encunwrap_update(&fw->encoder, encoder.count);
+    mirrorctl_tick(&fw->mirror, now_us, encoder.count, encoder.now_us);
     judge(fw, tick_interval(fw));
 }
 

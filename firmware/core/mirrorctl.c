@@ -1,17 +1,18 @@
 #include "firmware/core/mirrorctl.h"
-#include "firmware/hal/hal_time.h"
 
 #define DRIVE_MAX 10000
 /* One millirev/s is 1e9 / period_us; a period is judged against it without dividing where possible.
  */
 #define MRPS_US 1000000000u
+/* Counts by which a window's difference may be off. */
+#define COUNT_SLACK 2
 
 static int32_t clamp(int64_t value, int32_t low, int32_t high) {
     return value < low ? low : value > high ? high : (int32_t)value;
 }
 
 void mirrorctl_init(struct mirrorctl *mirror, const struct mirrorctl_params *params) {
-    *mirror = (struct mirrorctl){.params = *params, .encoder_mrps = -1};
+    *mirror = (struct mirrorctl){.params = *params};
 }
 
 /* Feed forward + proportional + integral, 0 to DRIVE_MAX. */
@@ -77,24 +78,49 @@ bool mirrorctl_index(struct mirrorctl *mirror, uint64_t t_us, uint16_t turns) {
     return true;
 }
 
-/* Counts over the last MIRRORCTL_WINDOW ticks; the counter is 16 bits wide and the window short. */
-static void encoder_speed(struct mirrorctl *mirror, uint16_t count, int32_t *out_low,
-                          int32_t *out_high) {
-    uint16_t before = mirror->counts[mirror->window_at];
-    mirror->counts[mirror->window_at] = count;
-    mirror->window_at = (uint8_t)((mirror->window_at + 1) % MIRRORCTL_WINDOW);
-    if (mirror->window_fill < MIRRORCTL_WINDOW) {
-        mirror->window_fill++;
-        mirror->encoder_mrps = -1;
-        return;
+/* What a window of the encoder's readings says. */
+struct window {
+    int32_t counts;
+    uint32_t time_us;
+};
+
+static struct window window_of(const struct mirrorctl *mirror, unsigned ticks) {
+    unsigned now = mirror->window_at, then = (now + MIRRORCTL_WINDOW - ticks) % MIRRORCTL_WINDOW;
+    return (struct window){(int16_t)(uint16_t)(mirror->counts[now] - mirror->counts[then]),
+                           mirror->times[now] - mirror->times[then]};
+}
+
+/* Speed if it were `counts` in the window's time, 0.001 rev/s. */
+static int32_t window_speed(const struct mirrorctl *mirror, int32_t counts, uint32_t time_us) {
+    int64_t per_rev_us = (int64_t)mirror->params.encoder_counts * (time_us ? time_us : 1);
+    return clamp((int64_t)counts * MRPS_US / per_rev_us, 0, UINT16_MAX);
+}
+
+/* Upper bound of the speed by the encoder. A reading is known to one count, and COUNT_SLACK bears
+ * the unevenness of real edges; so a short window proves a standstill soon, a long one a small
+ * shortfall. A mirror at or above its safe speed fails in none. */
+static int32_t encoder_high(const struct mirrorctl *mirror) {
+    struct window whole = window_of(mirror, MIRRORCTL_WINDOW - 1);
+    int32_t high = window_speed(mirror, whole.counts + COUNT_SLACK, whole.time_us);
+    for (unsigned ticks = 1; ticks < MIRRORCTL_WINDOW - 1; ticks *= 2) {
+        struct window w = window_of(mirror, ticks);
+        int64_t seen = (int64_t)(w.counts + COUNT_SLACK) * MRPS_US;
+        int64_t safe =
+            (int64_t)mirror->params.safe_mrps * mirror->params.encoder_counts * w.time_us;
+        if (seen < safe) { /* only then is the division worth it */
+            int32_t speed = window_speed(mirror, w.counts + COUNT_SLACK, w.time_us);
+            high = speed < high ? speed : high;
+        }
     }
-    int32_t counts = (int16_t)(uint16_t)(count - before);
-    /* counts / (counts_per_rev * window) in millirev/s; one count of quantisation either way */
-    uint32_t scale = MRPS_US / (MIRRORCTL_WINDOW * HAL_TICK_US);
-    int32_t per_rev = mirror->params.encoder_counts;
-    *out_low = (int32_t)((int64_t)(counts - 1) * scale / per_rev);
-    *out_high = (int32_t)((int64_t)(counts + 1) * scale / per_rev);
-    mirror->encoder_mrps = clamp((int64_t)counts * scale / per_rev, 0, UINT16_MAX);
+    return high;
+}
+
+static void take_reading(struct mirrorctl *mirror, uint16_t count, uint32_t count_us) {
+    mirror->window_at = (uint8_t)((mirror->window_at + 1) % MIRRORCTL_WINDOW);
+    mirror->counts[mirror->window_at] = count;
+    mirror->times[mirror->window_at] = count_us;
+    if (mirror->window_fill < MIRRORCTL_WINDOW)
+        mirror->window_fill++;
 }
 
 /* Upper bound of the speed by the index: the last period's, or what the time since then still
@@ -107,21 +133,24 @@ static int32_t index_speed(const struct mirrorctl *mirror, uint64_t now_us) {
     return clamp((int64_t)(MRPS_US / longest), 0, UINT16_MAX);
 }
 
-void mirrorctl_tick(struct mirrorctl *mirror, uint64_t now_us, uint16_t encoder_count) {
+void mirrorctl_tick(struct mirrorctl *mirror, uint64_t now_us, uint16_t count, uint32_t count_us) {
     const struct mirrorctl_params *params = &mirror->params;
-    int32_t speed = index_speed(mirror, now_us), low = 0, high = speed;
-    if (params->has_encoder)
-        encoder_speed(mirror, encoder_count, &low, &high);
-    if (mirror->encoder_mrps >= 0 && high < speed)
-        speed = high < 0 ? 0 : high;
-    mirror->speed_mrps = (uint16_t)speed;
-    bool encoder_ok =
-        !params->has_encoder || (mirror->encoder_mrps >= 0 && high >= params->safe_mrps);
+    int32_t speed = index_speed(mirror, now_us), low = 0;
+    bool encoder_ok = !params->has_encoder;
+    take_reading(mirror, count, count_us);
+    if (params->has_encoder && mirror->window_fill == MIRRORCTL_WINDOW) {
+        struct window whole = window_of(mirror, MIRRORCTL_WINDOW - 1);
+        int32_t high = encoder_high(mirror);
+        low = window_speed(mirror, whole.counts - COUNT_SLACK, whole.time_us);
+        encoder_ok = high >= params->safe_mrps;
+        speed = high < speed ? high : speed;
+    }
     uint64_t blind = params->has_encoder && encoder_ok ? MIRRORCTL_BLIND : 1;
     bool overdue = (now_us - mirror->index_us) * params->safe_mrps > MRPS_US * blind;
+    mirror->speed_mrps = (uint16_t)speed;
     mirror->too_fast = speed > params->max_mrps || low > params->max_mrps;
     mirror->in_range = mirror->good_periods >= 2 && !overdue && encoder_ok && !mirror->too_fast;
-    if (overdue)
+    if (overdue || !encoder_ok) /* then it takes two good periods again */
         mirror->good_periods = 0;
 }
 

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define MIRRORCTL_WINDOW 16 /* ticks over which the encoder speed is taken: 8 ms */
+#define MIRRORCTL_WINDOW 16 /* encoder readings kept: 8 ms */
 
 /* Revolutions at safe speed without an index pulse that are borne while the encoder says that the
  * mirror turns; without an encoder it is one. */
@@ -29,10 +29,10 @@ struct mirrorctl {
     uint64_t index_us;    /* last index pulse */
     uint8_t good_periods; /* consecutive periods within range, saturating at 2 */
     bool index_seen;
-    uint64_t target_since_us; /* when the target was last changed */
-    uint16_t counts[MIRRORCTL_WINDOW];
-    uint8_t window_at, window_fill;
-    int32_t encoder_mrps; /* speed over the window, -1 unknown */
+    uint64_t target_since_us;          /* when the target was last changed */
+    uint16_t counts[MIRRORCTL_WINDOW]; /* encoder readings of the last ticks, */
+    uint32_t times[MIRRORCTL_WINDOW];  /* and when they were taken */
+    uint8_t window_at, window_fill;    /* the newest; how many there are */
     bool in_range;
     bool too_fast;
     uint16_t speed_mrps; /* an upper bound of the speed now, from index and encoder */
@@ -51,8 +51,9 @@ void mirrorctl_abort(struct mirrorctl *mirror);
  * twice max_mrps) and was ignored. Sets mirror->drive. Index interrupt; two divisions. */
 bool mirrorctl_index(struct mirrorctl *mirror, uint64_t t_us, uint16_t turns);
 
-/* Every tick, with the encoder's counter: updates in_range and speed_mrps. Two divisions. */
-void mirrorctl_tick(struct mirrorctl *mirror, uint64_t now_us, uint16_t encoder_count);
+/* Every tick, with the encoder's counter and the time of its reading: updates in_range, too_fast
+ * and speed_mrps. Three divisions. */
+void mirrorctl_tick(struct mirrorctl *mirror, uint64_t now_us, uint16_t count, uint32_t count_us);
 
 /* Wanted but not in range after spinup_ms. */
 bool mirrorctl_stalled(const struct mirrorctl *mirror, uint64_t now_us);

@@ -57,7 +57,8 @@ static void new_segment(struct sim *sim, double rev, double rps) {
         acceleration = -rps / dt_s;
     sim->mirror = (struct simplant_segment){now_us, rev, rps, acceleration};
     double index_us = next_index(sim, now_us, (double)sim->next_plant);
-    if (!sim->index_extra)
+    bool edge_waits = sim->index_us <= now_us; /* its interrupt comes in this very microsecond */
+    if (!sim->index_extra && !edge_waits)
         sim->index_us = index_us;
     if (sim->observer && sim->observer->mirror)
         sim->observer->mirror(sim->observer_ctx, sim->now_us, sim->next_plant, rev, rps,
@@ -94,25 +95,28 @@ void simplant_init(struct sim *sim) {
 /* A step pulse moves the motor if it has power, is free and not too fast; the head follows with the
  * gears' play: pushed by the motor in positive direction, `backlash` behind it in negative
  * direction. */
-void simplant_pulse(struct sim *sim, enum hal_axis id) {
-    struct simplant_axis *axis = &sim->axis[id];
-    const struct sim_axis_config *config = &sim->config.axis[id];
-    int direction = axis->positive ? 1 : -1;
-    axis->pulses += direction;
-    if (sim->observer && sim->observer->step)
-        sim->observer->step(sim->observer_ctx, sim->now_us, id, axis->positive);
+static void move_motor(const struct sim *sim, struct simplant_axis *axis,
+                       const struct sim_axis_config *config) {
     double interval_us = (double)(sim->now_us - axis->last_pulse_us);
-    axis->last_pulse_us = sim->now_us;
     bool lost = !sim->motors || axis->blocked || interval_us * config->stall_velocity < 1e6;
+    axis->last_pulse_us = sim->now_us;
     if (axis->lose) {
         axis->lose--;
         lost = true;
     }
-    double motor = axis->motor + direction;
+    double motor = axis->motor + (axis->positive ? 1 : -1);
     if (lost || motor < config->travel_min || motor > config->travel_max)
         return;
     axis->motor = motor;
     axis->head = fmin(fmax(axis->head, motor), motor + config->backlash);
+}
+
+void simplant_pulse(struct sim *sim, enum hal_axis id) {
+    struct simplant_axis *axis = &sim->axis[id];
+    axis->pulses += axis->positive ? 1 : -1;
+    move_motor(sim, axis, &sim->config.axis[id]);
+    if (sim->observer && sim->observer->step)
+        sim->observer->step(sim->observer_ctx, sim->now_us, id, axis->positive);
 }
 
 static uint32_t switches(const struct sim *sim, enum hal_axis id) {

@@ -120,7 +120,8 @@ static struct estop_inputs world_with(enum faultcode fault) {
         in.mirror_mrps = 1999;
         break;
     case FAULT_MIRROR_FAST:
-        in.mirror_too_fast = true;
+        in.mirror_too_fast = true; /* then it is not in range either, but FAST says more */
+        in.mirror_in_range = false;
         in.mirror_mrps = 16000;
         break;
     case FAULT_MIRROR_STALL:
