@@ -16,8 +16,8 @@ enum { BINS = 720, PIXELS_PER_SAMPLE = 3, WIDTH_MAX_PX = 4096, WIDTH_MIN_PX = 32
 #define SLOPE_LIMIT_RAD (60.0 * 3.14159265358979323846 / 180.0)
 
 /* The azimuths looked at: everything but the widest empty arc, in bins of half a degree. */
-static void azimuth_span(const struct polar_sample *samples, size_t count, double *out_left_rad,
-                         double *out_width_rad) {
+static void azimuth_span(const struct polar_sample *samples, size_t count, double spacing_rad,
+                         double *out_left_rad, double *out_width_rad) {
     bool seen[BINS] = {false};
     for (size_t i = 0; i < count; i++) {
         const double turn = (samples[i].azimuth_rad + pi) / (2.0 * pi);
@@ -33,7 +33,8 @@ static void azimuth_span(const struct polar_sample *samples, size_t count, doubl
             best_start = start;
         }
     }
-    if (best <= 2) { /* all around: the seam is behind */
+    /* All around, but for the steps between the samples: the seam is behind. */
+    if (best <= 2 || 2.0 * pi * (best - 1) / BINS < 2.0 * spacing_rad) {
         *out_left_rad = pi;
         *out_width_rad = 2.0 * pi;
         return;
@@ -46,7 +47,8 @@ static struct sample_view choose_view(const struct polar_sample *samples, size_t
                                       const struct sample_spacing *spacing, int32_t width_px) {
     struct sample_view view = {.kind = SAMPLE_VIEW_PANORAMA};
     double low = INFINITY, high = -INFINITY, width_rad = 0;
-    azimuth_span(samples, count, &view.left_rad, &width_rad);
+    const double widest = fmax(spacing->along_row_rad, spacing->along_column_rad);
+    azimuth_span(samples, count, widest, &view.left_rad, &width_rad);
     for (size_t i = 0; i < count; i++) {
         low = fmin(low, samples[i].elevation_rad);
         high = fmax(high, samples[i].elevation_rad);
