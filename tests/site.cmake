@@ -5,3 +5,5 @@ scancart_test(prop_site_damage SOURCES prop/prop_site_damage.c support/site_samp
 scancart_test(test_stream SOURCES unit/test_stream.c support/site_sample.c DEPS sc_site sqlite3 LABELS unit)
 scancart_test(test_site_rows SOURCES unit/test_site_rows.c support/site_sample.c DEPS sc_site LABELS unit)
 scancart_test(prop_site_kill SOURCES prop/prop_site_kill.c support/site_sample.c DEPS sc_site LABELS prop TIMEOUT 120)
+scancart_test(test_migrate SOURCES unit/test_migrate.c DEPS sc_site sqlite3 LABELS unit)
+scancart_script_test(e2e_site COMMAND tests/e2e/site.sh LABELS e2e)
