@@ -147,15 +147,14 @@ static void light(struct bench *b, bool laser) {
 /* --- the table ------------------------------------------------------------------------------- */
 
 enum cause {
-    AT_FAULT,    /* the instant at which the sim's fault happens */
-    AT_TIMEOUT,  /* host: the last request plus the time-out */
-    AT_INDEX,    /* index overdue: the last index plus the period of the safe speed */
-    AT_SPEED,    /* the true speed falls below the safe one */
-    AT_LOOP,     /* the main loop has stood for its limit */
-    AT_TICK,     /* the tick is later than its limit */
-    AT_LIMIT,    /* a limit switch closes */
-    AT_DEADLINE, /* the mirror's spin-up time is over */
-    AT_FAULT     /* current flows though the laser is off: after the fall time that is allowed */
+    AT_FAULT,   /* the instant at which the sim's fault happens */
+    AT_TIMEOUT, /* host: the last request plus the time-out */
+    AT_INDEX,   /* index overdue: the last index plus the period of the safe speed */
+    AT_SPEED,   /* the true speed falls below the safe one */
+    AT_LOOP,    /* the main loop has stood for its limit */
+    AT_TICK,    /* the tick is later than its limit */
+    AT_LIMIT,   /* a limit switch closes */
+    AT_DEADLINE /* the mirror's spin-up time is over */
 };
 
 struct row {
