@@ -3,9 +3,13 @@
 #define SC_APP_COMMANDS_H
 
 int cmd_check(int argc, const char **argv);
+int cmd_import(int argc, const char **argv);
 int cmd_info(int argc, const char **argv);
 int cmd_new(int argc, const char **argv);
 int cmd_controller(int argc, const char **argv);
+int cmd_panorama(int argc, const char **argv);
+int cmd_sheet(int argc, const char **argv);
+int cmd_shot(int argc, const char **argv);
 int cmd_version(int argc, const char **argv);
 
 #endif

@@ -8,9 +8,13 @@
 /* In the order of a day's work; the list printed by --help. */
 static const struct app_command commands[] = {
     {"new", "make an empty site", cmd_new},
+    {"import", "take in photographs with depth, and laser scans", cmd_import},
+    {"panorama", "picture of a scan as seen from its stand", cmd_panorama},
     {"info", "what a site holds", cmd_info},
     {"check", "verify a whole site", cmd_check},
     {"controller", "the cart's controller: status, homing, moves, faults", cmd_controller},
+    {"shot", "draw a site from anywhere", cmd_shot},
+    {"sheet", "pictures with captions on one sheet", cmd_sheet},
     {"version", "print the version", cmd_version},
 };
 
