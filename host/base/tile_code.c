@@ -15,7 +15,7 @@
  * bytes of the packed parts: disparity, colour, rest 34  the parts, each one zstd frame, or raw
  * where that is not smaller disparity: residuals of samples that have one, zigzag, all low bytes,
  * then the next bytes. colour: residuals of green, red - green, blue - green. rest: mask of samples
- * with a coded disparity (a bit each), flags, confidences / step as differences. */
+ * with a coded disparity (a bit each), flags, confidences / step. */
 enum { HEADER_BYTES = 34, PARTS = 3, MASK_BYTES = (TILE_CODE_SAMPLES + 7) / 8 };
 enum part { PART_DISPARITY, PART_COLOUR, PART_REST };
 enum predictor { PREDICT_PLANE, PREDICT_SMOOTH, PREDICT_MEDIAN, PREDICTORS };
@@ -357,12 +357,8 @@ static void encode_rest(const struct tile_samples *s, const uint8_t *have, int32
     for (size_t i = 0; i < count; i++)
         p[i / 8] |= (uint8_t)(have[i] << (i % 8));
     memcpy(p + mask, s->flags, count);
-    uint8_t before = 0;
-    for (size_t i = 0; i < count; i++) {
-        uint8_t c = (uint8_t)(s->confidence[i] / step);
-        p[mask + count + i] = (uint8_t)(c - before);
-        before = c;
-    }
+    for (size_t i = 0; i < count; i++)
+        p[mask + count + i] = (uint8_t)(s->confidence[i] / step);
     parts->size[PART_REST] = mask + 2 * count;
 }
 
@@ -487,12 +483,10 @@ static void decode_rest(const struct parts *parts, int step, struct tile_samples
                         uint8_t *have) {
     size_t count = (size_t)(s->width * s->height), mask = (count + 7) / 8;
     const uint8_t *p = parts->bytes[PART_REST];
-    uint8_t c = 0;
     for (size_t i = 0; i < count; i++) {
         have[i] = (uint8_t)(p[i / 8] >> (i % 8) & 1u);
         s->flags[i] = p[mask + i];
-        c = (uint8_t)(c + p[mask + count + i]);
-        s->confidence[i] = (uint8_t)(c * step);
+        s->confidence[i] = (uint8_t)(p[mask + count + i] * step);
     }
 }
 
