@@ -5,3 +5,7 @@ scancart_test(prop_ramp SOURCES prop/firmware/prop_ramp.c DEPS fw_core sc_base L
 scancart_test(prop_cruise SOURCES prop/firmware/prop_cruise.c DEPS fw_core LABELS "prop;firmware;slow" TIMEOUT 300)
 scancart_test(prop_motion SOURCES prop/firmware/prop_motion.c DEPS fw_port_sim sc_base LABELS "prop;firmware" TIMEOUT 300)
 scancart_test(safety_table SOURCES prop/firmware/safety_table.c DEPS fw_port_sim LABELS "prop;firmware" TIMEOUT 300)
+add_executable(regdoc "${CMAKE_SOURCE_DIR}/scripts/regdoc.c")
+target_link_libraries(regdoc PRIVATE fw_shared)
+scancart_script_test(firmware_check COMMAND "${CMAKE_SOURCE_DIR}/scripts/firmware-check" $<TARGET_FILE:regdoc> LABELS "structure;firmware")
+scancart_script_test(firmware_coverage COMMAND "${CMAKE_SOURCE_DIR}/scripts/firmware-coverage" "${CMAKE_BINARY_DIR}/firmware-coverage" LABELS "structure;firmware")
