@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Below PARALLEL_MIN_PX threads cost more than they bring. */
+enum { PARALLEL_MIN_PX = 1 << 16 };
 enum { LEVELS_MAX = 12, LEVEL_SIDE_MIN_PX = 8, ITERATIONS_DEFAULT = 120 };
 
 /* Bits of the link map. A pixel's right or lower link is intact if both ends are known and differ
@@ -149,7 +151,7 @@ static void refine(struct level *f, const struct level *c, float half) {
 
 static void second_differences(struct level *l) {
     const int32_t w = l->w, h = l->h;
-#pragma omp parallel for schedule(static)
+#pragma omp parallel for schedule(static) if (h * (int64_t)w >= PARALLEL_MIN_PX)
     for (int32_t v = 0; v < h; v++) {
         const size_t row = (size_t)v * (size_t)w;
         const float *y = l->y + row;
@@ -167,7 +169,7 @@ static void second_differences(struct level *l) {
  * energy's second derivative: (4 + 4)^2, reached by the checkerboard. */
 static void gradient_step(struct level *l, float half, float momentum) {
     const int32_t w = l->w, h = l->h;
-#pragma omp parallel for schedule(static)
+#pragma omp parallel for schedule(static) if (h * (int64_t)w >= PARALLEL_MIN_PX)
     for (int32_t v = 0; v < h; v++) {
         const size_t row = (size_t)v * (size_t)w;
         const float *uu = l->q[0] + row, *vv = l->q[1] + row, *uv = l->q[2] + row;

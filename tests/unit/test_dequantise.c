@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-enum { W = 160, H = 120 };
+enum { W = 128, H = 96 };
 
 static float truth[H][W], stored[H][W], estimate[H][W], sigma[H][W];
 
@@ -26,8 +26,8 @@ static double wave(double u, double v) {
     return 50.0 + 3.0 * sin(u / 40.0) + 2.0 * cos(v / 33.0);
 }
 static double ball(double u, double v) {
-    double r2 = (u - 80.0) * (u - 80.0) + (v - 60.0) * (v - 60.0);
-    return r2 < 2500.0 ? 60.0 + 15.0 * sqrt(1.0 - r2 / 2500.0) : 10.0 + 0.013 * u;
+    double r2 = (u - 64.0) * (u - 64.0) + (v - 48.0) * (v - 48.0);
+    return r2 < 1764.0 ? 60.0 + 15.0 * sqrt(1.0 - r2 / 1764.0) : 10.0 + 0.013 * u;
 }
 static double gentle(double u, double v) {
     return 50.0 + 0.5 * sin(u / 60.0) + 1e-5 * v * v;
@@ -45,6 +45,10 @@ static void run(double (*surface)(double, double), float step) {
     struct image_f32 in = view(&stored[0][0]), out = view(&estimate[0][0]), s = view(&sigma[0][0]);
     struct dequantise_options options = {.step = step};
     assert_int_equal(dequantise(&in, &options, &out, &s, NULL), ST_OK);
+    /* whatever the surface: no pixel leaves its interval */
+    for (int v = 0; v < H; v++)
+        for (int u = 0; u < W; u++)
+            assert_true(fabsf(estimate[v][u] - stored[v][u]) <= 0.5001f * step);
 }
 
 static double rms_of(float (*a)[W]) {
@@ -71,17 +75,6 @@ static void errs_less_than_half_of_rounding_on_curved_surfaces(void **state) {
     }
 }
 
-static void never_leaves_the_interval_of_a_pixel(void **state) {
-    (void)state;
-    double (*surfaces[])(double, double) = {plane, wave, ball, gentle, step_edge};
-    for (int i = 0; i < 5; i++) {
-        run(surfaces[i], 1.0f);
-        for (int v = 0; v < H; v++)
-            for (int u = 0; u < W; u++)
-                assert_true(fabsf(estimate[v][u] - stored[v][u]) <= 0.5f);
-    }
-}
-
 static void does_not_smooth_across_a_jump(void **state) {
     (void)state;
     run(step_edge, 1.0f);
@@ -103,7 +96,8 @@ static void claims_no_less_than_the_error_seen(void **state) {
             for (int v = 0; v < H; v++)
                 for (int u = 0; u < W; u++)
                     if ((sigma[v][u] > 0.2f) == wide) {
-                        chi2 += pow((double)(estimate[v][u] - truth[v][u]) / (double)sigma[v][u], 2);
+                        chi2 +=
+                            pow((double)(estimate[v][u] - truth[v][u]) / (double)sigma[v][u], 2);
                         n++;
                     }
             if (n > 500)
@@ -132,15 +126,21 @@ static void keeps_unknown_pixels_unknown_and_lone_pixels_as_they_are(void **stat
 
 static void same_bytes_for_any_number_of_threads(void **state) {
     (void)state;
-    static float one[H][W];
-    int before = omp_get_max_threads();
-    omp_set_num_threads(1);
-    run(ball, 1.0f);
-    memcpy(one, estimate, sizeof one);
-    omp_set_num_threads(3);
-    run(ball, 1.0f);
+    enum { LARGE_W = 400, LARGE_H = 300 }; /* large enough to be shared out */
+    static float in_px[LARGE_H * LARGE_W], out_px[2][LARGE_H * LARGE_W];
+    for (int i = 0; i < LARGE_H * LARGE_W; i++)
+        in_px[i] = (float)round(wave(i % LARGE_W, i / LARGE_W));
+    const struct dequantise_options options = {.step = 1.0f, .iterations = 8};
+    const int before = omp_get_max_threads();
+    for (int k = 0; k < 2; k++) {
+        const struct image_f32 in = {in_px, LARGE_W, LARGE_H, 1, LARGE_W};
+        struct image_f32 out = {out_px[k], LARGE_W, LARGE_H, 1, LARGE_W};
+        omp_set_num_threads(k ? 3 : 1);
+        assert_int_equal(dequantise(&in, &options, &out, NULL, NULL), ST_OK);
+    }
     omp_set_num_threads(before);
-    assert_memory_equal(one, estimate, sizeof one);
+    assert_memory_equal(out_px[0], out_px[1], sizeof out_px[0]);
+    assert_memory_not_equal(out_px[0], in_px, sizeof in_px);
 }
 
 static void takes_one_pixel_and_none_and_refuses_nonsense(void **state) {
@@ -163,7 +163,6 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(restores_a_plane_to_a_hundredth_of_a_step),
         cmocka_unit_test(errs_less_than_half_of_rounding_on_curved_surfaces),
-        cmocka_unit_test(never_leaves_the_interval_of_a_pixel),
         cmocka_unit_test(does_not_smooth_across_a_jump),
         cmocka_unit_test(claims_no_less_than_the_error_seen),
         cmocka_unit_test(keeps_unknown_pixels_unknown_and_lone_pixels_as_they_are),

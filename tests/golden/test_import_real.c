@@ -1,0 +1,208 @@
+/* Imports of real scans against what is known of them: a turned line scanner's two stands, three
+ * range images of one object with poses. */
+#include "base/photo.h"
+#include "base/sample_grid.h"
+#include "import/scan_job.h"
+#include "import/turned_grid.h"
+#include "site/photo_tiff.h"
+#include "tests/support/cmocka_all.h"
+#include "tests/support/real_data.h"
+
+#include <math.h>
+#include <string.h>
+
+/* ---- the stands ---- */
+
+/* Row, column and range to xyz and back, against the numbers in the file. */
+static double reproduction_error_m(const struct scan *scan, const struct turned_grid *grid,
+                                   const char *text) {
+    double largest = 0, p[3];
+    const char *at = text;
+    for (size_t i = 0; i < scan->count; i++) {
+        char *end = NULL;
+        for (int k = 0; k < 3; k++) {
+            p[k] = 0.01 * strtod(at, &end);
+            at = end;
+        }
+        const struct polar_sample *s = scan->samples + i;
+        const struct vec3 truth = {p[0], p[2], p[1]};
+        const double range_m = s->flags & SAMPLE_NO_RETURN ? vec3_norm(truth) : (double)s->range_m;
+        const struct vec3 place =
+            vec3_scale(turned_grid_direction(grid, s->row, s->column), range_m);
+        const struct vec3 polar = vec3_scale(sample_direction(s), range_m);
+        largest = fmax(largest, vec3_norm(vec3_sub(place, truth)));
+        largest = fmax(largest, vec3_norm(vec3_sub(polar, truth)));
+    }
+    return largest;
+}
+
+static void a_stand_is_226_rows_of_360_to_a_tenth_of_a_millimetre(void **state) {
+    (void)state;
+    static const char *const names[] = {"scans-3dtk/scan000.3d", "scans-3dtk/scan001.3d"};
+    for (int k = 0; k < 2; k++) {
+        char path[FILEIO_PATH_MAX];
+        uint8_t *text = NULL;
+        size_t size = 0, no_returns = 0;
+        struct scan scan;
+        struct turned_grid grid;
+        struct errctx err = {0};
+        const struct scan_3dtk_options options = {0};
+        if (!real_data_path(names[k], path))
+            skip();
+        assert_int_equal(fileio_read(path, 1u << 28, &text, &size, &err), ST_OK);
+        if (scan_3dtk_parse(text, size, &options, &scan, &grid, &err))
+            fail_msg("%s", err.text);
+        assert_int_equal(scan.count, 81360);
+        assert_int_equal(grid.rows, 226);
+        assert_int_equal(grid.columns, 360);
+        const double error_m = reproduction_error_m(&scan, &grid, (const char *)text);
+        for (size_t i = 0; i < scan.count; i++)
+            no_returns += (scan.samples[i].flags & SAMPLE_NO_RETURN) != 0;
+        const double share = (double)no_returns / (double)scan.count;
+        print_message("%s: reproduced to %.3f mm, %.2f %% no return, %s rows\n", names[k],
+                      1e3 * error_m, 100.0 * share, grid.even_rows ? "even" : "tabled");
+        assert_true(error_m < 1e-4);
+        if (k == 0)
+            assert_true(fabs(share - 0.018) < 0.0005);
+        turned_grid_fini(&grid);
+        scan_destroy(&scan);
+        free(text);
+    }
+}
+
+/* ---- the range images ---- */
+
+enum { SCANS = 3 };
+
+struct view {
+    struct scan_job job;
+    struct photo photo;
+    struct tile *tiles;
+    size_t tile_count;
+};
+
+static void load_view(struct view *v, const char *path, const char *conf) {
+    struct errctx err = {0};
+    v->job = scan_job_default();
+    v->job.options_ply.up = FRAME_UP_Y;
+    (void)snprintf(v->job.path, sizeof v->job.path, "%s", path);
+    (void)snprintf(v->job.pose_path, sizeof v->job.pose_path, "%s", conf);
+    if (scan_job_prepare(&v->job, &err))
+        fail_msg("%s", err.text);
+    assert_int_equal(v->job.face_count, 1);
+    assert_int_equal(
+        photo_tiff_decode(v->job.faces[0].tiff, v->job.faces[0].tiff_size, &v->photo, NULL, &err),
+        ST_OK);
+    v->tile_count = photo_tile_count(v->photo.camera.width_px, v->photo.camera.height_px);
+    v->tiles = calloc(v->tile_count, sizeof *v->tiles);
+    assert_non_null(v->tiles);
+    photo_tiles(&v->photo, &v->job.scan.world_from_station, v->tiles);
+}
+
+static void free_view(struct view *v) {
+    scan_job_fini(&v->job);
+    photo_destroy(&v->photo);
+    free(v->tiles);
+}
+
+/* World point of a tile's sample, by the tile's own matrix. */
+static struct vec3 tile_point(const struct tile *t, int32_t u, int32_t v) {
+    const double delta = (double)t->disparity_per_m[v * t->stride_px + u];
+    const struct vec4 x = mat4_mulv(&t->m, (struct vec4){u, v, 1.0, delta});
+    return vec3_madd(t->origin_m, vec3_make(x.x, x.y, x.z), 1.0 / x.w);
+}
+
+/* The nearest world point of `other` within a few pixels of where p falls in its picture; NaN where
+ * other does not see p or sees something more than `same_m` nearer or farther: no overlap there. */
+static double distance_to(const struct view *other, struct vec3 p, double same_m) {
+    const struct pose world_from_cam =
+        pose_compose(&other->job.scan.world_from_station, &other->photo.station_from_cam);
+    const struct pose cam_from_world = pose_inverse(&world_from_cam);
+    const struct vec3 q = pose_apply(&cam_from_world, p);
+    struct vec2 px;
+    if (camera_project(&other->photo.camera, q, &px, NULL))
+        return NAN;
+    const int32_t u0 = (int32_t)lround(px.x), v0 = (int32_t)lround(px.y);
+    const int32_t w = other->photo.camera.width_px, h = other->photo.camera.height_px;
+    double nearest = NAN;
+    for (int32_t v = v0 - 2 < 0 ? 0 : v0 - 2; v <= v0 + 2 && v < h; v++)
+        for (int32_t u = u0 - 2 < 0 ? 0 : u0 - 2; u <= u0 + 2 && u < w; u++) {
+            const double delta =
+                (double)other->photo.disparity_per_m[(size_t)v * (size_t)w + (size_t)u];
+            if (isnan(delta) || (u == u0 && v == v0 && fabs(1.0 / delta - q.z) > same_m))
+                continue;
+            const struct vec3 s =
+                vec3_scale(camera_pinhole_ray(&other->photo.camera, u, v), 1.0 / delta);
+            nearest = fmin(isnan(nearest) ? (double)INFINITY : nearest, vec3_norm(vec3_sub(s, q)));
+        }
+    return nearest <= same_m ? nearest : (double)NAN;
+}
+
+static int by_value(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Median distance from the samples of a to b where both see the surface; *out_share: how many do.
+ */
+static double overlay_m(const struct view *a, const struct view *b, double *out_share) {
+    const size_t room = (size_t)a->photo.camera.width_px * (size_t)a->photo.camera.height_px;
+    double *d = malloc(room * sizeof *d);
+    size_t n = 0, seen = 0;
+    assert_non_null(d);
+    for (size_t k = 0; k < a->tile_count; k++)
+        for (int32_t v = 0; v < a->tiles[k].height_px; v++)
+            for (int32_t u = 0; u < a->tiles[k].width_px; u++) {
+                if (isnan(a->tiles[k].disparity_per_m[v * a->tiles[k].stride_px + u]))
+                    continue;
+                seen++;
+                /* 5 mm: far beyond the noise, so that it does not make the median small */
+                const double distance = distance_to(b, tile_point(&a->tiles[k], u, v), 0.005);
+                if (!isnan(distance))
+                    d[n++] = distance;
+            }
+    qsort(d, n, sizeof *d, by_value);
+    const double median = n ? d[n / 2] : (double)INFINITY;
+    *out_share = (double)n / (double)seen;
+    free(d);
+    return median;
+}
+
+static void three_range_images_overlay_within_a_millimetre(void **state) {
+    (void)state;
+    static const char *const names[SCANS] = {"bunny/bun000.ply", "bunny/bun045.ply",
+                                             "bunny/bun315.ply"};
+    static struct view views[SCANS];
+    char conf[FILEIO_PATH_MAX], path[FILEIO_PATH_MAX];
+    if (!real_data_path("bunny/bun.conf", conf))
+        skip();
+    for (int i = 0; i < SCANS; i++) {
+        if (!real_data_path(names[i], path))
+            skip();
+        load_view(&views[i], path, conf);
+    }
+    for (int i = 0; i < SCANS; i++)
+        for (int k = 0; k < SCANS; k++) {
+            double share = 0;
+            if (i == k)
+                continue;
+            const double median_m = overlay_m(&views[i], &views[k], &share);
+            print_message("%s to %s: median %.3f mm over %.0f %% of the samples\n", names[i],
+                          names[k], 1e3 * median_m, 100.0 * share);
+            assert_true(median_m < 1e-3);
+            assert_true(share > (i + k == 3 ? 0.1 : 0.4)); /* 045 and 315 are 90 deg apart */
+        }
+    for (int i = 0; i < SCANS; i++)
+        free_view(&views[i]);
+}
+
+int main(void) {
+    char path[FILEIO_PATH_MAX];
+    if (!real_data_path("scans-3dtk/scan000.3d", path) && !real_data_path("bunny/bun.conf", path))
+        return REAL_DATA_SKIP;
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_stand_is_226_rows_of_360_to_a_tenth_of_a_millimetre),
+        cmocka_unit_test(three_range_images_overlay_within_a_millimetre),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
