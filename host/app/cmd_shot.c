@@ -39,7 +39,7 @@ static const char about[] =
 struct arguments {
     struct shot_view_words view;
     char *out, *depth_out, *depth16_out, *compare, *photos, *except;
-    char *primitive, *skins, *filter, *radius_form, *background;
+    char *primitive, *skins, *filter, *radius_form, *background, *unknown, *rim;
     double radius, falloff, push, depth_unit_m;
     int supersample, threads, front_only;
 };
@@ -93,6 +93,18 @@ static enum st pick(const struct word *words, const char *option, const char *gi
     return errctx_set(err, ST_INVALID, "--%s '%s' is not one of: %s", option, given, all);
 }
 
+static enum st read_rgb(const char *option, const char *text, uint8_t out_rgb[3],
+                        struct errctx *err) {
+    double rgb[3];
+    enum st st = shot_view_numbers(text, 3, option, rgb, err);
+    for (int k = 0; k < 3 && !st; k++) {
+        if (!(rgb[k] >= 0.0 && rgb[k] <= 255.0))
+            return errctx_set(err, ST_INVALID, "%s is three numbers from 0 to 255", option);
+        out_rgb[k] = (uint8_t)rgb[k];
+    }
+    return st;
+}
+
 static enum st make_options(const struct arguments *a, struct raster_options *out,
                             struct errctx *err) {
     struct raster_options o = raster_options_default();
@@ -105,14 +117,12 @@ static enum st make_options(const struct arguments *a, struct raster_options *ou
         st = pick(filters, "filter", a->filter, &filter, err);
     if (!st)
         st = pick(radius_forms, "radius-form", a->radius_form, &form, err);
-    double rgb[3] = {0, 0, 0};
     if (!st && a->background)
-        st = shot_view_numbers(a->background, 3, "--background", rgb, err);
-    for (int k = 0; k < 3 && !st; k++) {
-        if (!(rgb[k] >= 0.0 && rgb[k] <= 255.0))
-            st = errctx_set(err, ST_INVALID, "--background is three numbers from 0 to 255");
-        o.background_rgb[k] = (uint8_t)rgb[k];
-    }
+        st = read_rgb("--background", a->background, o.background_rgb, err);
+    if (skin == RASTER_SKINS_UNKNOWN) /* it hides, which needs no colour of its own */
+        memcpy(o.skin_rgb, o.background_rgb, sizeof o.skin_rgb);
+    if (!st && a->unknown)
+        st = read_rgb("--unknown", a->unknown, o.skin_rgb, err);
     if (!st && (a->supersample < 1 || a->supersample > 8))
         st = errctx_set(err, ST_INVALID, "--supersample goes from 1 to 8");
     o.primitive = (enum raster_primitive)primitive;
@@ -168,10 +178,41 @@ static enum st draw(struct shot *shot, struct errctx *err) {
         st = raster_downsample(&fine, n, shot->options.background_rgb, &shot->target);
     raster_scratch_fini(&scratch);
     target_destroy(&fine);
+    size_t count = (size_t)shot->view.width_px * (size_t)shot->view.height_px;
+    bool mask = shot->options.skins != RASTER_SKINS_ONLY;
+    for (size_t i = 0; !st && mask && i < count; i++) /* a skin is no surface and has no depth */
+        if (shot->target.rgba[4 * i + 3] != RASTER_ALPHA_SURFACE)
+            shot->target.depth[i] = NAN;
     return st;
 }
 
 /* ---- what it came to ---- */
+
+static enum st compare(struct shot *shot, struct errctx *err) {
+    const struct raster_target *t = &shot->target;
+    const char *path = shot->args->compare;
+    struct image_u8 truth;
+    uint8_t *counts = NULL, rim[3];
+    enum st st = picture_read_rgb(path, &truth, err);
+    if (st)
+        return st;
+    if (truth.width_px != t->width_px || truth.height_px != t->height_px)
+        st = errctx_set(err, ST_INVALID, "%s has %dx%d pixels, the picture %dx%d", path,
+                        truth.width_px, truth.height_px, t->width_px, t->height_px);
+    if (!st && shot->args->rim)
+        st = read_rgb("--rim", shot->args->rim, rim, err);
+    if (!st && shot->args->rim) {
+        counts = malloc((size_t)t->width_px * (size_t)t->height_px);
+        if (!counts || metrics_rim_mask(truth.px, t->width_px, t->height_px, rim, counts) < 0)
+            st = errctx_set(err, ST_NOMEM, "no memory to compare pictures");
+    }
+    if (!st &&
+        metrics_compare(t->rgba, truth.px, counts, t->width_px, t->height_px, &shot->metrics))
+        st = errctx_set(err, ST_NOMEM, "no memory to compare pictures");
+    free(counts);
+    image_u8_destroy(&truth);
+    return st;
+}
 
 static enum st measure(struct shot *shot, struct errctx *err) {
     const struct raster_target *t = &shot->target;
@@ -185,18 +226,7 @@ static enum st measure(struct shot *shot, struct errctx *err) {
     shot->unknown_share = (double)unknown / (double)n;
     if (!shot->args->compare)
         return ST_OK;
-    struct image_u8 truth;
-    enum st st = picture_read_rgb(shot->args->compare, &truth, err);
-    if (st)
-        return st;
-    if (truth.width_px != t->width_px || truth.height_px != t->height_px)
-        st = errctx_set(err, ST_INVALID, "%s has %dx%d pixels, the picture %dx%d",
-                        shot->args->compare, truth.width_px, truth.height_px, t->width_px,
-                        t->height_px);
-    else if (metrics_compare(t->rgba, truth.px, t->width_px, t->height_px, &shot->metrics))
-        st = errctx_set(err, ST_NOMEM, "no memory to compare pictures");
-    image_u8_destroy(&truth);
-    return st;
+    return compare(shot, err);
 }
 
 static enum st write_depth(const struct shot *shot, struct errctx *err) {
@@ -328,7 +358,7 @@ static void free_arguments(struct arguments *a) {
                            a->view.target, a->view.up,     a->view.size};
     char *texts[] = {a->out,    a->depth_out,   a->depth16_out, a->compare,
                      a->photos, a->except,      a->primitive,   a->skins,
-                     a->filter, a->radius_form, a->background};
+                     a->filter, a->radius_form, a->background,  a->unknown};
     for (size_t i = 0; i < sizeof texts / sizeof texts[0]; i++)
         free(texts[i]);
     for (size_t i = 0; i < sizeof words / sizeof words[0]; i++) {
@@ -375,7 +405,11 @@ int cmd_shot(int argc, const char **argv) {
         {"supersample", 0, POPT_ARG_INT | POPT_ARGFLAG_SHOW_DEFAULT, &a.supersample, 0,
          "sub-pixels each way", "N"},
         {"background", 0, POPT_ARG_STRING, &a.background, 0, "colour of nothing (0,0,0)", "R,G,B"},
+        {"unknown", 0, POPT_ARG_STRING, &a.unknown, 0,
+         "colour of skins that are not surfaces (violet; background for --skins unknown)", "R,G,B"},
         {"compare", 'c', POPT_ARG_STRING, &a.compare, 0, "measure against this picture", "IMAGE"},
+        {"rim", 0, POPT_ARG_STRING, &a.rim, 0,
+         "pixels of this colour around the compared picture are none", "R,G,B"},
         {"depth", 0, POPT_ARG_STRING, &a.depth_out, 0, "depths in colour (PNG)", "FILE"},
         {"depth16", 0, POPT_ARG_STRING, &a.depth16_out, 0, "depths in 16 bits (PNG)", "FILE"},
         {"depth-unit", 0, POPT_ARG_DOUBLE | POPT_ARGFLAG_SHOW_DEFAULT, &a.depth_unit_m, 0,

@@ -1,6 +1,7 @@
 #include "raster/metrics.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -18,8 +19,19 @@ struct moments {
     double m[CHANNELS];
 };
 
-static void moments_of(const uint8_t *rgba, const uint8_t *truth, struct moments *out) {
-    double w = rgba[3] == 255 ? 1.0 : 0.0;
+/* The pictures as they were given. */
+struct pair {
+    const uint8_t *rgba, *truth, *counts;
+    int32_t w, h;
+};
+
+static bool counted(const struct pair *p, size_t i) {
+    return p->rgba[4 * i + 3] == 255 && (!p->counts || p->counts[i]);
+}
+
+static void moments_of(const struct pair *p, size_t i, struct moments *out) {
+    const uint8_t *rgba = p->rgba + 4 * i, *truth = p->truth + 3 * i;
+    double w = counted(p, i) ? 1.0 : 0.0;
     double a = w * luma(rgba), b = w * luma(truth);
     *out = (struct moments){{w, a, b, a * a, b * b, a * b}};
 }
@@ -36,10 +48,11 @@ static void gaussian(double g[2 * WINDOW_HALF + 1]) {
 }
 
 /* Row y, filtered along x. */
-static void filter_row(const uint8_t *rgba, const uint8_t *truth, int32_t w, const double *g,
-                       struct moments *scratch, struct moments *out) {
+static void filter_row(const struct pair *p, int32_t y, const double *g, struct moments *scratch,
+                       struct moments *out) {
+    int32_t w = p->w;
     for (int32_t x = 0; x < w; x++)
-        moments_of(rgba + 4 * (size_t)x, truth + 3 * (size_t)x, &scratch[x]);
+        moments_of(p, (size_t)y * (size_t)w + (size_t)x, &scratch[x]);
     for (int32_t x = 0; x < w; x++) {
         int32_t lo = x > WINDOW_HALF ? x - WINDOW_HALF : 0;
         int32_t hi = x + WINDOW_HALF < w ? x + WINDOW_HALF : w - 1;
@@ -51,49 +64,56 @@ static void filter_row(const uint8_t *rgba, const uint8_t *truth, int32_t w, con
     }
 }
 
-/* Sum of SSIM over the covered pixels, a ring of filtered rows at a time. */
-static enum st ssim_sum(const uint8_t *rgba, const uint8_t *truth, int32_t w, int32_t h,
-                        double *out_sum) {
-    enum { RING = 2 * WINDOW_HALF + 1 };
+enum { RING = 2 * WINDOW_HALF + 1 };
+
+/* Sum of SSIM over row y; `rows` is the ring of filtered rows. */
+static double ssim_row(const struct pair *p, int32_t y, const double *g,
+                       const struct moments *rows) {
+    int32_t lo = y > WINDOW_HALF ? y - WINDOW_HALF : 0;
+    int32_t hi = y + WINDOW_HALF < p->h ? y + WINDOW_HALF : p->h - 1;
+    double total = 0;
+    for (int32_t x = 0; x < p->w; x++) {
+        if (!counted(p, (size_t)y * (size_t)p->w + (size_t)x))
+            continue;
+        struct moments sum = {{0}};
+        for (int32_t i = lo; i <= hi; i++) {
+            const struct moments *at = &rows[(size_t)(i % RING) * (size_t)p->w + (size_t)x];
+            for (int k = 0; k < CHANNELS; k++)
+                sum.m[k] += g[i - y + WINDOW_HALF] * at->m[k];
+        }
+        total += ssim_of(&sum);
+    }
+    return total;
+}
+
+static enum st ssim_sum(const struct pair *p, double *out_sum) {
     double g[RING];
     gaussian(g);
-    struct moments *rows = calloc((size_t)w * (RING + 1), sizeof *rows);
+    size_t w = (size_t)p->w;
+    struct moments *rows = calloc(w * (RING + 1), sizeof *rows);
     if (!rows)
         return ST_NOMEM;
-    struct moments *scratch = rows + (size_t)w * RING;
     double total = 0;
-    for (int32_t y = 0, ready = 0; y < h; y++) {
-        for (; ready < h && ready <= y + WINDOW_HALF; ready++)
-            filter_row(rgba + 4 * (size_t)ready * (size_t)w, truth + 3 * (size_t)ready * (size_t)w,
-                       w, g, scratch, rows + (size_t)(ready % RING) * (size_t)w);
-        int32_t lo = y > WINDOW_HALF ? y - WINDOW_HALF : 0;
-        int32_t hi = y + WINDOW_HALF < h ? y + WINDOW_HALF : h - 1;
-        double row_total = 0;
-        for (int32_t x = 0; x < w; x++) {
-            if (rgba[4 * ((size_t)y * (size_t)w + (size_t)x) + 3] != 255)
-                continue;
-            struct moments sum = {{0}};
-            for (int32_t i = lo; i <= hi; i++)
-                for (int k = 0; k < CHANNELS; k++)
-                    sum.m[k] += g[i - y + WINDOW_HALF] *
-                                rows[(size_t)(i % RING) * (size_t)w + (size_t)x].m[k];
-            row_total += ssim_of(&sum);
-        }
-        total += row_total;
+    for (int32_t y = 0, ready = 0; y < p->h; y++) {
+        for (; ready < p->h && ready <= y + WINDOW_HALF; ready++)
+            filter_row(p, ready, g, rows + w * RING, rows + (size_t)(ready % RING) * w);
+        total += ssim_row(p, y, g, rows);
     }
     free(rows);
     *out_sum = total;
     return ST_OK;
 }
 
-enum st metrics_compare(const uint8_t *rgba, const uint8_t *truth_rgb, int32_t width_px,
-                        int32_t height_px, struct metrics *out_metrics) {
+enum st metrics_compare(const uint8_t *rgba, const uint8_t *truth_rgb, const uint8_t *counts,
+                        int32_t width_px, int32_t height_px, struct metrics *out_metrics) {
     if (width_px < 1 || height_px < 1)
         return ST_INVALID;
+    const struct pair pair = {rgba, truth_rgb, counts, width_px, height_px};
     size_t n = (size_t)width_px * (size_t)height_px;
-    int64_t covered = 0, squares = 0;
+    int64_t covered = 0, squares = 0, all = 0;
     for (size_t i = 0; i < n; i++) {
-        if (rgba[4 * i + 3] != 255)
+        all += !counts || counts[i];
+        if (!counted(&pair, i))
             continue;
         covered++;
         for (size_t k = 0; k < 3; k++) {
@@ -101,10 +121,11 @@ enum st metrics_compare(const uint8_t *rgba, const uint8_t *truth_rgb, int32_t w
             squares += d * d;
         }
     }
-    struct metrics metrics = {NAN, NAN, (double)covered / (double)n, covered};
+    double coverage = all ? (double)covered / (double)all : 0.0;
+    struct metrics metrics = {(double)NAN, (double)NAN, coverage, covered};
     if (covered) {
         double sum = 0;
-        enum st st = ssim_sum(rgba, truth_rgb, width_px, height_px, &sum);
+        enum st st = ssim_sum(&pair, &sum);
         if (st)
             return st;
         double mse = (double)squares / (3.0 * (double)covered);
@@ -113,4 +134,47 @@ enum st metrics_compare(const uint8_t *rgba, const uint8_t *truth_rgb, int32_t w
     }
     *out_metrics = metrics;
     return ST_OK;
+}
+
+/* Clears pixel i if it has the rim's colour and still counts, and puts it on the stack. */
+static size_t spread(const uint8_t *rgb, const uint8_t rim_rgb[3], size_t i, uint8_t *counts,
+                     size_t *stack, size_t depth) {
+    if (!counts[i] || memcmp(rgb + 3 * i, rim_rgb, 3) != 0)
+        return depth;
+    counts[i] = 0;
+    stack[depth] = i;
+    return depth + 1;
+}
+
+int64_t metrics_rim_mask(const uint8_t *rgb, int32_t width_px, int32_t height_px,
+                         const uint8_t rim_rgb[3], uint8_t *out_counts) {
+    size_t w = (size_t)width_px, h = (size_t)height_px, depth = 0;
+    size_t *stack = malloc(w * h * sizeof *stack);
+    if (!stack)
+        return -1;
+    memset(out_counts, 1, w * h);
+    for (size_t x = 0; x < w; x++) {
+        depth = spread(rgb, rim_rgb, x, out_counts, stack, depth);
+        depth = spread(rgb, rim_rgb, (h - 1) * w + x, out_counts, stack, depth);
+    }
+    for (size_t y = 0; y < h; y++) {
+        depth = spread(rgb, rim_rgb, y * w, out_counts, stack, depth);
+        depth = spread(rgb, rim_rgb, y * w + w - 1, out_counts, stack, depth);
+    }
+    while (depth) {
+        size_t i = stack[--depth], x = i % w;
+        if (x > 0)
+            depth = spread(rgb, rim_rgb, i - 1, out_counts, stack, depth);
+        if (x + 1 < w)
+            depth = spread(rgb, rim_rgb, i + 1, out_counts, stack, depth);
+        if (i >= w)
+            depth = spread(rgb, rim_rgb, i - w, out_counts, stack, depth);
+        if (i + w < w * h)
+            depth = spread(rgb, rim_rgb, i + w, out_counts, stack, depth);
+    }
+    free(stack);
+    int64_t count = 0;
+    for (size_t i = 0; i < w * h; i++)
+        count += out_counts[i];
+    return count;
 }

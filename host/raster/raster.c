@@ -1,6 +1,5 @@
 #include "raster/raster.h"
 
-#include "base/simd.h"
 #include "raster/raster_band.h"
 
 #include <omp.h>
@@ -142,6 +141,7 @@ static void work_cull(const struct frame *frame, const struct raster_input *inpu
     for (int64_t i = 0; i < n; i++) {
         struct candidate at = work->candidates[i];
         work->kept[i] = raster_cull_tile(frame, &inputs[at.input], at.tile, &work->jobs[i]) ? 1 : 0;
+        work->jobs[i].input = at.input;
     }
     size_t kept = 0;
     for (int64_t i = 0; i < n; i++) {
@@ -202,96 +202,16 @@ static int bands_cut(const struct work *work, int32_t height_px, int32_t rows_ma
     return count;
 }
 
-/* Buffers of one thread: room for rows_cap rows of the picture. */
-struct band_buffer {
-    size_t plane_elems, bytes;
-    ptrdiff_t stride;
-};
-
-static struct band_buffer band_buffer_make(const struct raster_view *view, int32_t rows_cap,
-                                           bool rich) {
-    struct band_buffer b = {.stride = view->width_px + 2 * BAND_PAD_PX};
-    b.plane_elems = (size_t)b.stride * (size_t)(rows_cap + 2 * BAND_PAD_PX);
-    b.plane_elems = (b.plane_elems + 31) / 32 * 32;
-    b.bytes = b.plane_elems * 8;
-    if (rich)
-        b.bytes += b.plane_elems * (8 + 4 + 2);
-    b.bytes = (b.bytes + 4095) / 4096 * 4096;
-    return b;
-}
-
-static struct band band_make(const struct band_buffer *buffer, uint8_t *memory, int32_t width_px,
-                             int32_t y0_px, int32_t y1_px, bool rich) {
-    ptrdiff_t origin = BAND_PAD_PX * buffer->stride + BAND_PAD_PX;
-    struct band band = {.width_px = width_px,
-                        .y0_px = y0_px,
-                        .y1_px = y1_px,
-                        .stride = buffer->stride,
-                        .key = (uint64_t *)(void *)memory + origin};
-    size_t n = (size_t)buffer->stride * (size_t)(y1_px - y0_px + 2 * BAND_PAD_PX);
-    memset(memory, 0, n * 8);
-    if (rich) {
-        uint64_t *item = (uint64_t *)(void *)memory + buffer->plane_elems;
-        float *depth = (float *)(item + buffer->plane_elems);
-        uint16_t *count = (uint16_t *)(depth + buffer->plane_elems);
-        memset(item, 0xff, n * 8);
-        memset(count, 0, n * 2);
-        band.item = item + origin;
-        band.depth = depth + origin;
-        band.count = count + origin;
-    }
-    return band;
-}
-
-/* Keys to colours and depths, without a branch. */
-SC_SIMD_CLONES
-static void resolve_row(const uint64_t *key, int32_t n, uint32_t background, uint8_t *rgba,
-                        float *depth) {
-    if (rgba)
-        for (int32_t x = 0; x < n; x++) {
-            uint32_t upper = (uint32_t)(key[x] >> 32), lower = (uint32_t)key[x];
-            uint32_t value = upper ? lower : background;
-            memcpy(rgba + 4 * (ptrdiff_t)x, &value, 4);
-        }
-    if (depth)
-        for (int32_t x = 0; x < n; x++) {
-            uint32_t upper = (uint32_t)(key[x] >> 32);
-            uint32_t bits = upper ? upper - 1u : 0x7fc00000u; /* NaN */
-            memcpy(depth + x, &bits, 4);
-        }
-}
-
-/* The planes that the caller wants. */
-static void band_resolve(const struct band *band, const struct raster_target *target,
-                         uint32_t background) {
-    int32_t w = band->width_px;
-    for (int32_t y = band->y0_px; y < band->y1_px; y++) {
-        ptrdiff_t from = (y - band->y0_px) * band->stride;
-        size_t to = (size_t)y * (size_t)w;
-        const uint64_t *key = band->key + from;
-        resolve_row(key, w, background, target->rgba ? target->rgba + 4 * to : NULL,
-                    target->depth ? target->depth + to : NULL);
-        if (target->depth && band->depth)
-            for (int32_t x = 0; x < w; x++)
-                if (key[x] >> 32)
-                    target->depth[to + (size_t)x] = band->depth[from + x];
-        if (target->item)
-            memcpy(target->item + to, band->item + from, (size_t)w * sizeof *target->item);
-        if (target->count)
-            memcpy(target->count + to, band->count + from, (size_t)w * sizeof *target->count);
-    }
-}
-
-/* Draws all that touches the band; returns bytes read and written. */
-static int64_t band_draw(const struct frame *frame, const struct work *work,
-                         const struct band *band) {
+/* Draws the jobs first..end - 1 as far as they touch the band; returns bytes read and written. */
+static int64_t band_draw(const struct frame *frame, const struct work *work, size_t first,
+                         size_t end, const struct band *band) {
     int64_t bytes = 0;
     bool mesh = frame->options->primitive == RASTER_MESH;
     bool only_skins = frame->options->skins == RASTER_SKINS_ONLY;
     bool skins = mesh || frame->options->skins != RASTER_SKINS_LEAVE_OUT;
     int64_t sample_bytes = 4 + 3 + 1 + (frame->push_gain > 0.0f ? 1 : 0);
     int64_t pixel_bytes = frame->rich ? 2 * (8 + 8 + 4 + 2) : 2 * 8;
-    for (size_t i = 0; i < work->job_count; i++) {
+    for (size_t i = first; i < end; i++) {
         const struct tile_job *job = &work->jobs[i];
         if (job->y_hi_px < band->y0_px || job->y_lo_px >= band->y1_px)
             continue;
@@ -306,10 +226,29 @@ static int64_t band_draw(const struct frame *frame, const struct work *work,
     return bytes;
 }
 
+/* The same input by input, so that what one calls unknown yields to what another has seen. */
+static int64_t band_draw_layers(const struct frame *frame, const struct work *work,
+                                const struct band *layer, const struct band *all) {
+    int64_t bytes = 0;
+    for (size_t first = 0; first < work->job_count;) {
+        size_t end = first + 1;
+        while (end < work->job_count && work->jobs[end].input == work->jobs[first].input)
+            end++;
+        raster_band_clear(layer);
+        bytes += band_draw(frame, work, first, end, layer);
+        raster_band_merge(layer, all);
+        first = end;
+    }
+    raster_band_unmark(all);
+    return bytes;
+}
+
 struct plan {
     int threads, band_count;
+    bool layered; /* several inputs whose unknown volumes must yield to what the others saw */
     int32_t first[BANDS_MAX + 1];
-    struct band_buffer buffer;
+    int32_t rows_cap;
+    size_t band_bytes; /* of one band's buffers, two of them if layered */
 };
 
 static enum st plan_make(const struct frame *frame, const struct work *work, int threads,
@@ -327,10 +266,15 @@ static enum st plan_make(const struct frame *frame, const struct work *work, int
         rows_cap = rows > rows_cap ? rows : rows_cap;
     }
     plan.threads = threads < plan.band_count ? threads : plan.band_count;
-    plan.buffer = band_buffer_make(view, rows_cap, frame->rich);
+    enum raster_skins skins = frame->options->skins;
+    plan.layered = (skins == RASTER_SKINS_UNKNOWN || skins == RASTER_SKINS_COLOUR) &&
+                   work->job_count > 0 &&
+                   work->jobs[0].input != work->jobs[work->job_count - 1].input;
+    plan.rows_cap = rows_cap;
+    plan.band_bytes = raster_band_bytes(view->width_px, rows_cap, frame->rich);
     *out_plan = plan;
-    return grow(&scratch->bands, &scratch->bands_bytes, plan.buffer.bytes * (size_t)plan.threads,
-                err);
+    return grow(&scratch->bands, &scratch->bands_bytes,
+                plan.band_bytes * (size_t)(plan.threads * (plan.layered ? 2 : 1)), err);
 }
 
 static int64_t plan_run(const struct frame *frame, const struct work *work, const struct plan *plan,
@@ -340,12 +284,23 @@ static int64_t plan_run(const struct frame *frame, const struct work *work, cons
     int64_t bytes = 0;
 #pragma omp parallel for num_threads(plan->threads) schedule(dynamic, 1) reduction(+ : bytes)
     for (int i = 0; i < plan->band_count; i++) {
-        uint8_t *memory =
-            (uint8_t *)scratch->bands + plan->buffer.bytes * (size_t)omp_get_thread_num();
-        struct band band = band_make(&plan->buffer, memory, frame->view->width_px, plan->first[i],
-                                     plan->first[i + 1], frame->rich);
-        bytes += band_draw(frame, work, &band);
-        band_resolve(&band, target, background);
+        size_t mine = (size_t)omp_get_thread_num() * (plan->layered ? 2 : 1);
+        uint8_t *memory = (uint8_t *)scratch->bands + plan->band_bytes * mine;
+        struct band band =
+            raster_band_make(memory, frame->view->width_px, plan->rows_cap, frame->rich);
+        band.y0_px = plan->first[i];
+        band.y1_px = plan->first[i + 1];
+        raster_band_clear(&band);
+        if (plan->layered) {
+            struct band layer = raster_band_make(memory + plan->band_bytes, band.width_px,
+                                                 plan->rows_cap, frame->rich);
+            layer.y0_px = band.y0_px;
+            layer.y1_px = band.y1_px;
+            bytes += band_draw_layers(frame, work, &layer, &band);
+        } else {
+            bytes += band_draw(frame, work, 0, work->job_count, &band);
+        }
+        raster_band_resolve(&band, target, background);
     }
     int64_t pixels = (int64_t)target->width_px * target->height_px;
     return bytes + pixels * (8 + (target->rgba ? 4 : 0) + (target->depth ? 4 : 0) +

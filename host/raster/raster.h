@@ -98,8 +98,9 @@ enum raster_radius {
 
 /* What happens to mesh cells flagged PHOTO_SKIN, with any primitive. "Guess": a corner of the cell
  * is flagged PHOTO_DROPPED and yet has a disparity (see skin_bound_unknown()); such samples are
- * never drawn themselves. Skins in skin_rgb hide what lies behind them and have alpha
- * RASTER_ALPHA_UNKNOWN. */
+ * never drawn themselves. Skins in skin_rgb hide what lies behind them in the same input and have
+ * alpha RASTER_ALPHA_UNKNOWN; with UNKNOWN and COLOUR they yield to any surface of another input,
+ * which has looked there. */
 enum raster_skins {
     RASTER_SKINS_LEAVE_OUT,
     RASTER_SKINS_UNKNOWN, /* those with a guess in skin_rgb, no others */

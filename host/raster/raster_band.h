@@ -59,6 +59,7 @@ struct tile_job {
     float lin_px;    /* side of a projected sample = lin_px / w */
     float radius_px; /* splat radius before its bounds = radius_px / w */
     int32_t y_lo_px, y_hi_px;       /* rows it can touch, inclusive */
+    uint32_t input;                 /* index of its input */
     uint64_t item;                  /* raster_item() of its sample (0, 0) */
     int32_t u_lo, u_hi, v_lo, v_hi; /* pixels of the photograph that may be read, inclusive, in the
                                        tile's coordinates */
@@ -108,6 +109,18 @@ static inline float area_octaves(float area_px) {
 static inline bool sample_hidden(uint8_t flags, uint8_t leave_out_flags) {
     return (flags & (leave_out_flags | PHOTO_DROPPED)) != 0;
 }
+
+/* raster_band.c. A band of up to rows_cap rows lives in raster_band_bytes() of somebody's memory;
+ * which rows it is, y0_px and y1_px, is set after it was made. */
+size_t raster_band_bytes(int32_t width_px, int32_t rows_cap, bool rich);
+struct band raster_band_make(void *memory, int32_t width_px, int32_t rows_cap, bool rich);
+void raster_band_clear(const struct band *band);
+/* Adds a layer; when all are in, raster_band_unmark() makes ordinary keys again. */
+void raster_band_merge(const struct band *layer, const struct band *all);
+void raster_band_unmark(const struct band *all);
+/* The planes that the caller wants. */
+void raster_band_resolve(const struct band *band, const struct raster_target *target,
+                         uint32_t background);
 
 /* raster_cull.c: fills `out_job` for a tile, false if it cannot touch the picture. `frame` is set
  * up by raster_cull_frame(). */

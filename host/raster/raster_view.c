@@ -55,6 +55,6 @@ struct raster_options raster_options_default(void) {
                                      .radius_k = 1.3,
                                      .radius_max_px = 64.0,
                                      .falloff = 1.0,
-                                     .skin_rgb = {200, 60, 160}};
+                                     .skin_rgb = {92, 58, 112}};
     return options;
 }
