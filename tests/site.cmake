@@ -7,3 +7,5 @@ scancart_test(test_site_rows SOURCES unit/test_site_rows.c support/site_sample.c
 scancart_test(prop_site_kill SOURCES prop/prop_site_kill.c support/site_sample.c DEPS sc_site LABELS prop TIMEOUT 120)
 scancart_test(test_migrate SOURCES unit/test_migrate.c DEPS sc_site sqlite3 LABELS unit)
 scancart_script_test(e2e_site COMMAND tests/e2e/site.sh LABELS e2e)
+scancart_test(prop_site_power SOURCES prop/prop_site_power.c support/site_sample.c support/power_vfs.c
+  DEPS sc_site sqlite3 LABELS prop TIMEOUT 120)
