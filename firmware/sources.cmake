@@ -16,6 +16,7 @@ set(FW_CORE_SOURCES
   core/estop.c
   core/evring.c
   core/firmware.c
+  core/idxfilter.c
   core/mblink.c
   core/mbslave.c
   core/mirrorctl.c

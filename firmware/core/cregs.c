@@ -61,7 +61,7 @@ static void picture_latch(struct firmware *fw, struct regmap_input *out) {
     out->latch_time_us = timebase_extend(fw, encoder.now_us);
     out->latch_fraction = encunwrap_fraction(encoder.now_us - encoder.edge_us, fw->mirror.period_us,
                                              fw->mirror.params.encoder_counts);
-    out->latch_phase = (uint16_t)(out->latch_encoder - fw->index_counts);
+    out->latch_phase = (uint16_t)(out->latch_encoder - fw->index.counts);
     out->latch_revolution = fw->revolution;
     out->latch_pan = fw->axis[HAL_PAN].position;
     out->latch_tilt = fw->axis[HAL_TILT].position;

@@ -23,7 +23,7 @@ void firmware_init(void) {
     strobe_init(&fw->strobe);
     scanprog_init(&fw->scan);
     evring_init(&fw->events);
-    fw->index_counts = 0;
+    idxfilter_init(&fw->index);
     fw->revolution = 0;
     fw->index_missed = 0;
     fw->index_rejected = 0;
@@ -199,23 +199,14 @@ static struct idxevent event_now(const struct firmware *fw, enum idxevent_kind k
                              .flags = (uint16_t)flags};
 }
 
-/* Revolutions since the last index pulse by the encoder: 1 normally, more if pulses were missed, 0
- * if this one is spurious. 1 if there is no encoder or no last pulse. */
-static uint16_t turns_since(const struct firmware *fw, uint32_t counts) {
-    const struct mirrorctl_params *params = &fw->mirror.params;
-    if (!params->has_encoder || !fw->mirror.index_seen)
-        return 1;
-    uint32_t turns =
-        (counts - fw->index_counts + params->encoder_counts / 2u) / params->encoder_counts;
-    return turns > INT16_MAX ? 0 : (uint16_t)turns; /* that far it would have turned backwards */
-}
-
 void firmware_isr_index(uint32_t capture_us, uint16_t encoder_count) {
     struct firmware *fw = hal_firmware();
     (void)timebase_now(fw);
     uint64_t t_us = timebase_extend(fw, capture_us);
     uint32_t counts = encunwrap_update(&fw->encoder, encoder_count);
-    uint16_t turns = turns_since(fw, counts);
+    const struct mirrorctl_params *params = &fw->mirror.params;
+    uint16_t turns =
+        idxfilter_turns(&fw->index, counts, params->has_encoder ? params->encoder_counts : 0);
     if (!turns || !mirrorctl_index(&fw->mirror, t_us, turns)) {
         fw->index_rejected++;
         return;
@@ -223,7 +214,6 @@ void firmware_isr_index(uint32_t capture_us, uint16_t encoder_count) {
     hal_axis_mirror_drive(fw->mirror.drive);
     fw->index_missed = (uint16_t)(fw->index_missed + turns - 1);
     fw->revolution += turns;
-    fw->index_counts = counts;
     struct idxevent event = event_now(fw, IDXEVENT_INDEX, t_us);
     scanprog_index(&fw->scan, &fw->axis[HAL_PAN], fw->time_us);
     event.flags |= turns > 1 ? IDXEVENT_AFTER_MISSED : 0u;

@@ -19,6 +19,7 @@
 #include "firmware/core/encunwrap.h"
 #include "firmware/core/estop.h"
 #include "firmware/core/evring.h"
+#include "firmware/core/idxfilter.h"
 #include "firmware/core/mblink.h"
 #include "firmware/core/mbslave.h"
 #include "firmware/core/mirrorctl.h"
@@ -40,7 +41,7 @@ struct firmware {
     struct axis axis[HAL_AXES];
     struct mirrorctl mirror;
     struct encunwrap encoder;
-    uint32_t index_counts; /* unwrapped encoder counts at the last index pulse */
+    struct idxfilter index;
     uint32_t revolution;
     uint16_t index_missed, index_rejected;
     struct strobe strobe;
