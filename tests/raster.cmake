@@ -1,1 +1,4 @@
 # tests of raster
+scancart_test(test_raster SOURCES unit/test_raster.c DEPS sc_raster LABELS unit)
+scancart_test(test_metrics SOURCES unit/test_metrics.c DEPS sc_raster LABELS unit)
+scancart_test(prop_raster SOURCES prop/prop_raster.c support/room.c DEPS sc_raster LABELS prop threads)

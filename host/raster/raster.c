@@ -24,6 +24,19 @@ void raster_scratch_fini(struct raster_scratch *scratch) {
     memset(scratch, 0, sizeof *scratch);
 }
 
+struct raster_options raster_options_default(void) {
+    struct raster_options options = {.primitive = RASTER_SPLATS,
+                                     .filter = RASTER_FILTER_LINEAR,
+                                     .skins = RASTER_SKINS_LEAVE_OUT,
+                                     .faces = RASTER_FACES_BOTH,
+                                     .radius = RASTER_RADIUS_AREA,
+                                     .radius_k = 1.3,
+                                     .radius_max_px = 64.0,
+                                     .falloff = 1.0,
+                                     .skin_rgb = {92, 58, 112}};
+    return options;
+}
+
 /* ---- checks ---- */
 
 static bool positive(double value) {

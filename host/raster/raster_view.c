@@ -45,16 +45,3 @@ struct raster_view raster_view_supersampled(const struct raster_view *view, int3
     fine.cy_px = (view->cy_px + 0.5) * n - 0.5;
     return fine;
 }
-
-struct raster_options raster_options_default(void) {
-    struct raster_options options = {.primitive = RASTER_SPLATS,
-                                     .filter = RASTER_FILTER_LINEAR,
-                                     .skins = RASTER_SKINS_LEAVE_OUT,
-                                     .faces = RASTER_FACES_BOTH,
-                                     .radius = RASTER_RADIUS_AREA,
-                                     .radius_k = 1.3,
-                                     .radius_max_px = 64.0,
-                                     .falloff = 1.0,
-                                     .skin_rgb = {92, 58, 112}};
-    return options;
-}
