@@ -9,3 +9,4 @@ scancart_test(test_migrate SOURCES unit/test_migrate.c DEPS sc_site sqlite3 LABE
 scancart_script_test(e2e_site COMMAND tests/e2e/site.sh LABELS e2e)
 scancart_test(prop_site_power SOURCES prop/prop_site_power.c support/site_sample.c support/power_vfs.c
   DEPS sc_site sqlite3 LABELS prop TIMEOUT 120)
+scancart_fuzz(site_db SOURCES fuzz/fuzz_site_db.c support/site_sample.c DEPS sc_site sqlite3)

@@ -4,11 +4,6 @@
  * more, content has changed. */
 #include "base/fileio.h"
 #include "base/hash.h"
-#include "site/calib.h"
-#include "site/files.h"
-#include "site/frame_row.h"
-#include "site/job.h"
-#include "site/photo_row.h"
 #include "site/site_check.h"
 #include "tests/support/cmocka_all.h"
 #include "tests/support/prop.h"
@@ -156,51 +151,6 @@ static bool is_reported(const struct target *target) {
     return st ? strstr(err.text, target->name) != NULL : result.errors > 0 && seen.named;
 }
 
-/* Everything that commands read, for the sanitizers; what it returns does not matter. */
-static void read_all(void) {
-    struct site *site = NULL;
-    struct station stations[4];
-    struct stream streams[8];
-    struct photo_row photos[4];
-    struct frame_row frames[4];
-    struct calib calibs[4];
-    int64_t jobs[4];
-    size_t n = 0;
-    if (site_open(site_dir, SITE_READ, &site, NULL))
-        return;
-    int status = station_list(site, 0, stations, 4, &n, NULL);
-    status += photo_row_list(site, 0, 0, photos, 4, &n, NULL);
-    for (size_t i = 0; i < n; i++) {
-        uint8_t *bytes = NULL;
-        size_t size = 0;
-        if (!files_read(site, photos[i].sha256, &bytes, &size, NULL))
-            free(bytes);
-    }
-    status += frame_row_list(site, 0, 0, frames, 4, &n, NULL);
-    status += calib_list(site, 0, calibs, 4, &n, NULL);
-    status += job_list(site, NULL, 0, jobs, 4, &n, NULL);
-    for (size_t i = 0; i < n; i++) {
-        struct job *job = NULL;
-        if (!job_read(site, jobs[i], &job, NULL))
-            job_free(job);
-    }
-    n = 0;
-    status += stream_list(site, 0, 0, streams, 8, &n, NULL);
-    for (size_t i = 0; i < n; i++) {
-        struct stream_reader *reader = NULL;
-        struct stream_chunk chunk;
-        if (stream_reader_open(site, streams[i].id, 0, &reader, NULL))
-            continue;
-        enum st st = ST_OK;
-        for (int k = 0; k < 100 && st != ST_NOT_FOUND; k++)
-            st = stream_reader_next(reader, &chunk, NULL);
-        assert_int_equal(st, ST_NOT_FOUND); /* it ends */
-        stream_reader_close(reader);
-    }
-    (void)status;
-    (void)site_close(site, NULL);
-}
-
 static void intact_site_is_good(void **state) {
     (void)state;
     struct site_check_result result;
@@ -255,7 +205,7 @@ static void every_flip_that_changes_content_is_reported(void **state) {
         bool is_change = !in_database || !dump_database(database, after) ||
                          memcmp(before, after, sizeof before) != 0;
         bool is_report = is_reported(target);
-        read_all();
+        assert_true(site_sample_read_all(site_dir));
         if (is_change && !is_report) {
             (void)printf("missed: %s at %lld ^ 0x%02x\n", target->name, (long long)offset, mask);
             missed++;
@@ -286,7 +236,7 @@ static void truncation_at_any_length_is_reported(void **state) {
         assert_int_equal(truncate(path, keep), 0);
         if (!is_reported(target))
             fail_msg("%s cut to %lld bytes", target->name, (long long)keep);
-        read_all();
+        assert_true(site_sample_read_all(site_dir));
         assert_int_equal(fileio_write(path, bytes, size, &err), ST_OK);
         free(bytes);
     }

@@ -44,8 +44,8 @@ class Bench:
 
     def start(self, command, pattern):
         """Starts a command whose output names the device by `pattern`."""
-        self.process = subprocess.Popen(["timeout", "-k", "5", str(self.limit_s)] + command,
-                                        stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        self.process = subprocess.Popen(["timeout", "-k", "5", str(self.limit_s)] + command, stdin=subprocess.PIPE,
+                                        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, bufsize=0)
         line = self.process.stdout.readline().decode()
         found = re.search(pattern, line)
         if not found:
@@ -65,6 +65,7 @@ class Bench:
         if self.process:
             self.process.terminate()
             self.process.wait()
+            self.process.stdin.close()
             self.process.stdout.close()
         self.folder.cleanup()
 
@@ -133,7 +134,10 @@ class Native(Bench):
         self.start([binary], r"(/dev/pts/\d+)")
 
     def console(self, letter):
-        raise NotImplementedError
+        self.process.stdin.write(letter.encode())
+        self.process.stdin.flush()
+        answer = self.process.stdout.read(1).decode()
+        assert answer == letter, answer
 
 
 def crc(frame):

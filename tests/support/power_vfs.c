@@ -53,8 +53,9 @@ static void reserve(struct node *node, int64_t size) {
     node->flushed = realloc(node->flushed, (size_t)capacity);
     if (!node->now || !node->flushed)
         abort();
-    memset(node->now + node->capacity, 0, (size_t)(capacity - node->capacity));
-    memset(node->flushed + node->capacity, 0, (size_t)(capacity - node->capacity));
+    size_t more = (size_t)(capacity - node->capacity);
+    memset(node->now + node->capacity, 0, more);
+    memset(node->flushed + node->capacity, 0, more);
     node->capacity = capacity;
 }
 
@@ -66,7 +67,8 @@ static void load(struct node *node, sqlite3_file *real) {
     reserve(node, size);
     if (size > 0 && real->pMethods->xRead(real, node->now, (int)size, 0))
         abort();
-    memcpy(node->flushed, node->now, (size_t)size);
+    if (size > 0)
+        memcpy(node->flushed, node->now, (size_t)size);
     node->now_size = node->flushed_size = size;
     node->loaded = true;
 }
@@ -107,7 +109,7 @@ static int x_sync(sqlite3_file *base, int flags) {
     struct node *node = file->node;
     if (node && count_operation())
         return SQLITE_IOERR_FSYNC;
-    if (node) {
+    if (node && node->capacity) {
         memcpy(node->flushed, node->now, (size_t)node->capacity);
         node->flushed_size = node->now_size;
     }

@@ -8,6 +8,7 @@
 #include "site/station.h"
 #include "site/stream.h"
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -31,5 +32,9 @@ ST_MUST_CHECK enum st site_sample_stream(struct site *site, int32_t zstd_level, 
 
 /* Makes and closes the whole site at `path`. */
 ST_MUST_CHECK enum st site_sample_make(const char *path, struct errctx *err);
+
+/* Reads everything that commands read, whatever it is worth; the sanitizers look on. False if a
+ * reader of a stream does not come to an end. */
+bool site_sample_read_all(const char *path);
 
 #endif

@@ -265,6 +265,25 @@ static void reader_names_a_damaged_chunk_and_goes_on(void **state) {
     stream_reader_close(reader);
 }
 
+static void reader_ends_whatever_the_sequence_numbers_are(void **state) {
+    (void)state;
+    struct errctx err = {0};
+    for (int i = 0; i < 3; i++)
+        append(i, 1, 500);
+    meddle("UPDATE chunk SET sequence = 9223372036854775807 WHERE sequence = 2;"
+           "UPDATE chunk SET sequence = 1000000000000000 WHERE sequence = 1");
+    struct stream_reader *reader = NULL;
+    struct stream_chunk chunk;
+    int calls = 0;
+    assert_int_equal(stream_reader_open(site, stream_id, 0, &reader, &err), ST_OK);
+    assert_int_equal(stream_reader_next(reader, &chunk, &err), ST_OK);
+    while (stream_reader_next(reader, &chunk, &err) == ST_DAMAGED)
+        assert_true(++calls < 10);
+    assert_int_equal(stream_reader_next(reader, &chunk, &err), ST_NOT_FOUND);
+    assert_true(calls >= 2);
+    stream_reader_close(reader);
+}
+
 static void absurd_sizes_in_the_database_are_refused(void **state) {
     (void)state;
     struct errctx err = {0};
@@ -293,6 +312,7 @@ int main(void) {
         T(refuses_chunks_that_do_not_follow),
         T(what_is_missing_must_stand_in_the_ledger),
         T(reader_names_a_damaged_chunk_and_goes_on),
+        T(reader_ends_whatever_the_sequence_numbers_are),
         T(absurd_sizes_in_the_database_are_refused),
 #undef T
     };
