@@ -107,13 +107,14 @@ static int run(const struct request *r) {
 
 int cmd_panorama(int argc, const char **argv) {
     char *station = NULL, *out = NULL;
-    int intensity = 0, colour = 0, width_px = 0, no_legend = 0;
+    int intensity = 0, colour = 0, clay = 0, width_px = 0, no_legend = 0;
     struct request r = {0};
     const struct poptOption options[] = {
         {"out", 'o', POPT_ARG_STRING, &out, 0, "the picture to write", "PNG"},
         {"station", 0, POPT_ARG_STRING, &station, 0, "which (the first with a scan)", "TEXT"},
         {"intensity", 0, POPT_ARG_NONE, &intensity, 0, "grey by returned intensity", NULL},
         {"colour", 0, POPT_ARG_NONE, &colour, 0, "the samples' own colour", NULL},
+        {"clay", 0, POPT_ARG_NONE, &clay, 0, "one colour under a fixed light", NULL},
         {"width", 0, POPT_ARG_INT, &width_px, 0, "of the picture (three pixels a sample)", "PX"},
         {"near-m", 0, POPT_ARG_DOUBLE, &r.options.near_m, 0, "start of the colour scale", "M"},
         {"far-m", 0, POPT_ARG_DOUBLE, &r.options.far_m, 0, "end of the colour scale", "M"},
@@ -133,6 +134,7 @@ int cmd_panorama(int argc, const char **argv) {
         r.out = out;
         r.options.style = intensity ? SAMPLE_SHADE_INTENSITY
                           : colour  ? SAMPLE_SHADE_COLOUR
+                          : clay    ? SAMPLE_SHADE_CLAY
                                     : SAMPLE_SHADE_RANGE;
         r.options.width_px = width_px;
         r.options.legend = !no_legend;

@@ -160,7 +160,7 @@ static enum st render_grid(const struct sample_grid *grid, const struct sample_v
     enum st st = sample_grid_draw(grid, view, &draw, picture, err);
     if (st)
         return st;
-    sample_shade(grid, view, picture, scale, options->style, image->px);
+    sample_shade(grid, view, picture, scale, options->style, NULL, image->px);
     if (options->legend)
         draw_legend(image, view->height_px, scale);
     return ST_OK;

@@ -97,9 +97,10 @@ static void inverse_slopes(const struct sample_view *view, const float *inverse,
     *out_dv = det > 0.5 ? (uu * vx - uv * ux) / det : 0.0;
 }
 
-/* Cosine of the angle between beam and surface normal. P = q / w: P_u = (q_u w - q w_u) / w^2. */
-static double incidence_cosine(const struct sample_view *view, const float *inverse, int32_t u,
-                               int32_t v) {
+/* Unit normal towards the eye, in the frame of the view's rays; against the ray where there is none
+ * to be had. P = q / w: P_u is along q_u w - q w_u. */
+static struct vec3 surface_normal(const struct sample_view *view, const float *inverse, int32_t u,
+                                  int32_t v) {
     const double w = (double)inverse[(size_t)v * (size_t)view->width_px + (size_t)u];
     double wu = 0, wv = 0;
     inverse_slopes(view, inverse, u, v, &wu, &wv);
@@ -109,40 +110,70 @@ static double incidence_cosine(const struct sample_view *view, const float *inve
     const struct vec3 qv =
         vec3_scale(vec3_sub(view_ray(view, u, v + 0.5), view_ray(view, u, v - 0.5)), w);
     const struct vec3 n = vec3_cross(vec3_madd(qu, q, -wu), vec3_madd(qv, q, -wv));
-    const double length = vec3_norm(n) * vec3_norm(q);
-    return length > 0.0 ? fabs(vec3_dot(n, q)) / length : 1.0;
+    if (!(vec3_norm(n) > 0.0))
+        return vec3_scale(vec3_unit(q), -1.0);
+    return vec3_scale(vec3_unit(n), vec3_dot(n, q) > 0.0 ? -1.0 : 1.0);
 }
 
-static void surface_colour(const struct sample_grid *grid, const struct sample_view *view,
-                           const struct sample_picture *picture,
-                           const struct sample_shade_scale *scale, enum sample_shade_style style,
-                           int32_t u, int32_t v, uint8_t out_rgb[3]) {
-    const size_t i = (size_t)v * (size_t)view->width_px + (size_t)u;
-    const struct polar_sample *s = grid->samples + picture->sample[i];
-    if (style == SAMPLE_SHADE_COLOUR && (s->flags & SAMPLE_COLOUR)) {
+/* Sky light from above, a key light from the front right, a weak one from behind on the left. */
+static void clay_colour(struct vec3 normal_w, uint8_t out_rgb[3]) {
+    static const double clay[3] = {232, 218, 200};
+    const struct vec3 key = {0.45, -0.60, 0.66}, back = {-0.60, 0.65, 0.20};
+    const double sky = 0.20 + 0.10 * normal_w.z;
+    const double warm = 0.72 * fmax(0.0, vec3_dot(normal_w, key));
+    const double cool = 0.22 * fmax(0.0, vec3_dot(normal_w, back));
+    const double light[3] = {0.97 * sky + warm + 0.90 * cool, sky + 0.97 * warm + 0.97 * cool,
+                             1.08 * sky + 0.90 * warm + 1.1 * cool};
+    for (int c = 0; c < 3; c++) /* the lights are linear, the picture nearly a square root */
+        out_rgb[c] = (uint8_t)lround(fmin(255.0, clay[c] * pow(light[c], 0.6)));
+}
+
+struct shading {
+    const struct sample_grid *grid;
+    const struct sample_view *view;
+    const struct sample_picture *picture;
+    const struct sample_shade_scale *scale;
+    enum sample_shade_style style;
+    struct mat3 world_from_rays;
+};
+
+static void surface_colour(const struct shading *s, int32_t u, int32_t v, uint8_t out_rgb[3]) {
+    const size_t i = (size_t)v * (size_t)s->view->width_px + (size_t)u;
+    const struct polar_sample *sample = s->grid->samples + s->picture->sample[i];
+    if (s->style == SAMPLE_SHADE_COLOUR && (sample->flags & SAMPLE_COLOUR)) {
         for (int c = 0; c < 3; c++)
-            out_rgb[c] = s->rgb[c];
+            out_rgb[c] = sample->rgb[c];
         return;
     }
-    if (style != SAMPLE_SHADE_RANGE && (s->flags & SAMPLE_INTENSITY)) {
-        const double grey = 255.0 * sqrt(fmin(1.0, fmax(0.0, (double)s->intensity)));
+    if (s->style >= SAMPLE_SHADE_INTENSITY && (sample->flags & SAMPLE_INTENSITY)) {
+        const double grey = 255.0 * sqrt(fmin(1.0, fmax(0.0, (double)sample->intensity)));
         for (int c = 0; c < 3; c++)
             out_rgb[c] = (uint8_t)lround(grey);
         return;
     }
-    double light = 0.35 + 0.65 * incidence_cosine(view, picture->inverse_per_m, u, v);
-    if (picture->flags[i] & PHOTO_SILHOUETTE)
+    const struct vec3 normal = surface_normal(s->view, s->picture->inverse_per_m, u, v);
+    if (s->style != SAMPLE_SHADE_RANGE) {
+        clay_colour(mat3_mulv(&s->world_from_rays, normal), out_rgb);
+        return;
+    }
+    const struct vec3 ray = view_ray(s->view, u, v);
+    double light = 0.35 - 0.65 * vec3_dot(normal, vec3_unit(ray)), colour[3];
+    if (s->picture->flags[i] & PHOTO_SILHOUETTE)
         light *= 0.8;
-    const double ray = view->kind == SAMPLE_VIEW_PINHOLE ? vec3_norm(view_ray(view, u, v)) : 1.0;
-    double colour[3];
-    ramp_colour(scale, ray / (double)picture->inverse_per_m[i], colour);
+    ramp_colour(s->scale, vec3_norm(ray) / (double)s->picture->inverse_per_m[i], colour);
     for (int c = 0; c < 3; c++)
         out_rgb[c] = (uint8_t)lround(colour[c] * light);
 }
 
 void sample_shade(const struct sample_grid *grid, const struct sample_view *view,
                   const struct sample_picture *picture, const struct sample_shade_scale *scale,
-                  enum sample_shade_style style, uint8_t *out_rgb) {
+                  enum sample_shade_style style, const struct mat3 *world_from_station,
+                  uint8_t *out_rgb) {
+    struct shading s = {grid, view, picture, scale, style, mat3_identity()};
+    if (view->kind == SAMPLE_VIEW_PINHOLE)
+        s.world_from_rays = view->station_from_cam;
+    if (world_from_station)
+        s.world_from_rays = mat3_mul(world_from_station, &s.world_from_rays);
     for (int32_t v = 0; v < view->height_px; v++)
         for (int32_t u = 0; u < view->width_px; u++) {
             const size_t i = (size_t)v * (size_t)view->width_px + (size_t)u;
@@ -150,7 +181,7 @@ void sample_shade(const struct sample_grid *grid, const struct sample_view *view
                                    : picture->flags[i] & PHOTO_DROPPED ? sample_shade_dropped_rgb
                                                                        : sample_shade_unseen_rgb;
             if (!isnan(picture->inverse_per_m[i]))
-                surface_colour(grid, view, picture, scale, style, u, v, out_rgb + 3 * i);
+                surface_colour(&s, u, v, out_rgb + 3 * i);
             else
                 for (int c = 0; c < 3; c++)
                     out_rgb[3 * i + (size_t)c] = empty[c];

@@ -132,7 +132,9 @@ static enum st default_sigma(struct scan_job *job, const struct sample_grid *gri
 static enum st draw_face(struct scan_job *job, const struct sample_grid *grid,
                          const struct scan_photo_face *face, struct errctx *err) {
     const struct scan_photo_options options = {.range_sigma_m = job->used_sigma_m,
-                                               .style = job->style};
+                                               .style = job->style,
+                                               .world_from_station =
+                                                   job->scan.world_from_station.r};
     struct photo photo = {0};
     enum st st = scan_photo_draw(grid, job->scan.origin_m, face, &options, &photo, err);
     if (st)

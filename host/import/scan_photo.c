@@ -170,7 +170,8 @@ enum st scan_photo_draw(const struct sample_grid *grid, struct vec3 origin_m,
     st = sample_grid_draw(grid, &view, &draw, &picture, err);
     if (st)
         goto out;
-    sample_shade(grid, &view, &picture, &scale, options->style, photo.rgb);
+    sample_shade(grid, &view, &picture, &scale, options->style, &options->world_from_station,
+                 photo.rgb);
     write_confidence(face, options->range_sigma_m, &photo);
 out:
     free(sample);

@@ -19,6 +19,7 @@ struct scan_photo_options {
     double range_sigma_m; /* standard deviation of one range, > 0: confidence, and what is one
                              surface */
     enum sample_shade_style style;
+    struct mat3 world_from_station; /* turns the light of clay to the world's */
 };
 
 struct scan_photo_face {
