@@ -38,7 +38,7 @@ static const char about[] =
 /* What popt fills. */
 struct arguments {
     struct shot_view_words view;
-    char *out, *depth_out, *depth16_out, *compare, *photos, *except;
+    char *out, *depth_out, *depth16_out, *compare, *difference_out, *photos, *except;
     char *primitive, *skins, *filter, *radius_form, *background, *unknown, *rim;
     double radius, falloff, push, depth_unit_m;
     int supersample, threads, front_only;
@@ -188,6 +188,26 @@ static enum st draw(struct shot *shot, struct errctx *err) {
 
 /* ---- what it came to ---- */
 
+/* |picture - truth| four times over; what is not covered is dark blue. */
+static enum st write_difference(const struct shot *shot, const struct image_u8 *truth,
+                                struct errctx *err) {
+    const struct raster_target *t = &shot->target;
+    static const uint8_t uncovered_rgb[3] = {24, 28, 48};
+    struct image_u8 im;
+    enum st st = image_u8_create(&im, t->width_px, t->height_px, 3);
+    if (st)
+        return errctx_set(err, st, "no memory for the difference picture");
+    size_t n = (size_t)t->width_px * (size_t)t->height_px;
+    for (size_t i = 0; i < 3 * n; i++) {
+        int d = 4 * abs((int)t->rgba[i / 3 * 4 + i % 3] - (int)truth->px[i]);
+        int covered = t->rgba[i / 3 * 4 + 3] == RASTER_ALPHA_SURFACE;
+        im.px[i] = covered ? (uint8_t)(d > 255 ? 255 : d) : uncovered_rgb[i % 3];
+    }
+    st = picture_write_png(shot->args->difference_out, &im, err);
+    image_u8_destroy(&im);
+    return st;
+}
+
 static enum st compare(struct shot *shot, struct errctx *err) {
     const struct raster_target *t = &shot->target;
     const char *path = shot->args->compare;
@@ -209,6 +229,8 @@ static enum st compare(struct shot *shot, struct errctx *err) {
     if (!st &&
         metrics_compare(t->rgba, truth.px, counts, t->width_px, t->height_px, &shot->metrics))
         st = errctx_set(err, ST_NOMEM, "no memory to compare pictures");
+    if (!st && shot->args->difference_out)
+        st = write_difference(shot, &truth, err);
     free(counts);
     image_u8_destroy(&truth);
     return st;
@@ -356,9 +378,9 @@ static int parsed(poptContext context, struct shot *shot) {
 static void free_arguments(struct arguments *a) {
     const char *words[] = {a->view.photo,  a->view.offset, a->view.rotate, a->view.eye,
                            a->view.target, a->view.up,     a->view.size};
-    char *texts[] = {a->out,    a->depth_out,   a->depth16_out, a->compare,
-                     a->photos, a->except,      a->primitive,   a->skins,
-                     a->filter, a->radius_form, a->background,  a->unknown};
+    char *texts[] = {a->out,        a->depth_out, a->depth16_out,    a->compare, a->photos,
+                     a->except,     a->primitive, a->skins,          a->filter,  a->radius_form,
+                     a->background, a->unknown,   a->difference_out, a->rim};
     for (size_t i = 0; i < sizeof texts / sizeof texts[0]; i++)
         free(texts[i]);
     for (size_t i = 0; i < sizeof words / sizeof words[0]; i++) {
@@ -410,6 +432,8 @@ int cmd_shot(int argc, const char **argv) {
         {"compare", 'c', POPT_ARG_STRING, &a.compare, 0, "measure against this picture", "IMAGE"},
         {"rim", 0, POPT_ARG_STRING, &a.rim, 0,
          "pixels of this colour around the compared picture are none", "R,G,B"},
+        {"difference", 0, POPT_ARG_STRING, &a.difference_out, 0,
+         "with --compare: where they differ, 4 times (PNG)", "FILE"},
         {"depth", 0, POPT_ARG_STRING, &a.depth_out, 0, "depths in colour (PNG)", "FILE"},
         {"depth16", 0, POPT_ARG_STRING, &a.depth16_out, 0, "depths in 16 bits (PNG)", "FILE"},
         {"depth-unit", 0, POPT_ARG_DOUBLE | POPT_ARGFLAG_SHOW_DEFAULT, &a.depth_unit_m, 0,
