@@ -12,3 +12,5 @@ scancart_script_test(firmware_coverage COMMAND "${CMAKE_SOURCE_DIR}/scripts/firm
 scancart_test(test_fw_shared SOURCES unit/firmware/test_shared.c DEPS fw_shared LABELS "unit;firmware")
 scancart_test(test_controller SOURCES unit/firmware/test_controller.c DEPS fw_port_sim LABELS "unit;firmware")
 scancart_test(test_mechanics SOURCES unit/firmware/test_mechanics.c DEPS fw_port_sim LABELS "unit;firmware")
+scancart_fuzz(mbslave SOURCES fuzz/fuzz_mbslave.c DEPS fw_core)
+scancart_fuzz(controller SOURCES fuzz/fuzz_controller.c DEPS fw_port_sim)

@@ -178,7 +178,7 @@ static uint64_t edge_time(double exact_us) {
 static uint64_t source_time(const struct sim *sim, enum source source) {
     switch (source) {
     case SOURCE_FAULT:
-        return simfault_next(sim);
+        return sim->fault_next_us;
     case SOURCE_PLANT:
         return sim->next_plant;
     case SOURCE_RX:

@@ -205,6 +205,8 @@ bool sim_fault_at(struct sim *sim, enum sim_fault fault, uint64_t t_us, double v
         if (entry->waiting)
             continue;
         *entry = (struct simfault_entry){t_us, sim->fault_order++, fault, value, true};
+        if (t_us < sim->fault_next_us)
+            sim->fault_next_us = t_us;
         return true;
     }
     return false;
@@ -221,16 +223,13 @@ static const struct simfault_entry *earliest(const struct sim *sim) {
     return first;
 }
 
-uint64_t simfault_next(const struct sim *sim) {
-    const struct simfault_entry *entry = earliest(sim);
-    return entry ? entry->t_us : SIMSTATE_NEVER;
-}
-
 void simfault_run(struct sim *sim) {
     const struct simfault_entry *entry = earliest(sim);
     enum sim_fault fault = entry->fault;
     double value = entry->value;
     sim->faults[entry - sim->faults].waiting = false;
+    const struct simfault_entry *next = earliest(sim);
+    sim->fault_next_us = next ? next->t_us : SIMSTATE_NEVER;
     if (sim->observer && sim->observer->fault)
         sim->observer->fault(sim->observer_ctx, sim->now_us, fault, value);
     apply(sim, fault, value);

@@ -78,6 +78,7 @@ void simplant_cut(struct sim *sim) {
 
 void simplant_init(struct sim *sim) {
     sim->mirror_gain = 1;
+    sim->fault_next_us = SIMSTATE_NEVER;
     sim->index_us = INFINITY;
     sim->strobe_us = INFINITY;
     sim->chains = HAL_IN_ESTOP_CLOSED | HAL_IN_INTERLOCK_CLOSED | HAL_IN_DOOR_CLOSED;

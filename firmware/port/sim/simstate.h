@@ -79,7 +79,7 @@ struct sim {
     uint32_t strobe_skip;
     uint8_t flash[HAL_FLASH_SIZE];
     struct simfault_entry faults[SIMSTATE_FAULTS];
-    uint64_t fault_order;
+    uint64_t fault_order, fault_next_us; /* number of the next one queued; time of the earliest */
 };
 
 /* The instance whose firmware runs in this thread. */
@@ -102,7 +102,6 @@ void simplant_pulse(struct sim *sim, enum hal_axis axis);
 uint32_t simplant_inputs(const struct sim *sim);
 
 /* simfault.c */
-uint64_t simfault_next(const struct sim *sim); /* time of the earliest, SIMSTATE_NEVER if none */
-void simfault_run(struct sim *sim);            /* those that are due */
+void simfault_run(struct sim *sim); /* at fault_next_us: the earliest */
 
 #endif
