@@ -10,6 +10,7 @@ int cmd_controller(int argc, const char **argv);
 int cmd_panorama(int argc, const char **argv);
 int cmd_sheet(int argc, const char **argv);
 int cmd_shot(int argc, const char **argv);
+int cmd_twin(int argc, const char **argv);
 int cmd_version(int argc, const char **argv);
 
 #endif

@@ -15,6 +15,7 @@ static const struct app_command commands[] = {
     {"controller", "the cart's controller: status, homing, moves, faults", cmd_controller},
     {"shot", "draw a site from anywhere", cmd_shot},
     {"sheet", "pictures with captions on one sheet", cmd_sheet},
+    {"twin", "the simulated cart: scenes, scans, truth", cmd_twin},
     {"version", "print the version", cmd_version},
 };
 

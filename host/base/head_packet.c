@@ -108,7 +108,8 @@ enum st head_packet_decode(const uint8_t *bytes, size_t size, struct head_packet
     size_t need = head_packet_bytes(count);
     if (size < need)
         return ST_TIMEOUT;
-    if (get_u32(bytes + need - HEAD_PACKET_CRC_BYTES) != crc_of(bytes, need - HEAD_PACKET_CRC_BYTES))
+    if (get_u32(bytes + need - HEAD_PACKET_CRC_BYTES) !=
+        crc_of(bytes, need - HEAD_PACKET_CRC_BYTES))
         return ST_DAMAGED;
 
     struct head_packet *p = out_packet;
@@ -116,8 +117,8 @@ enum st head_packet_decode(const uint8_t *bytes, size_t size, struct head_packet
     p->sample_count = (uint8_t)count;
     p->packet_seq = get_u32(bytes + AT_PACKET_SEQ);
     p->first_sample_seq = get_u32(bytes + AT_SAMPLE_SEQ);
-    p->head_t_ns =
-        (int64_t)((uint64_t)get_u32(bytes + AT_TIME) | (uint64_t)get_u32(bytes + AT_TIME + 4) << 32);
+    p->head_t_ns = (int64_t)((uint64_t)get_u32(bytes + AT_TIME) |
+                             (uint64_t)get_u32(bytes + AT_TIME + 4) << 32);
     p->interval_ns = get_u32(bytes + AT_INTERVAL);
     p->status = get_u32(bytes + AT_STATUS);
     const uint8_t *at = bytes + HEAD_PACKET_HEADER_BYTES;

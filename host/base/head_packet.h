@@ -1,6 +1,6 @@
-/* Packets of the rangefinder head, as sent over its USB bulk endpoint and as stored in a site's "head"
- * stream. docs/head-protocol.md is the specification; this is its one encoder and decoder. All integers
- * little-endian. No allocation; safe on the real-time path.
+/* Packets of the rangefinder head, as sent over its USB bulk endpoint and as stored in a site's
+ * "head" stream. docs/head-protocol.md is the specification; this is its one encoder and decoder.
+ * All integers little-endian. No allocation; safe on the real-time path.
  *
  *   packet = header (32 bytes) | sample_count samples (14 bytes each) | CRC-32 (4 bytes)
  *
@@ -38,14 +38,17 @@ enum {
 
 enum head_sample_flag {
     HEAD_SAMPLE_NO_RETURN = 1u << 0, /* the beam met nothing in range; no range */
-    HEAD_SAMPLE_DROPPED = 1u << 1,   /* an echo, but nothing usable (too weak, overloaded); no range */
-    HEAD_SAMPLE_SATURATED = 1u << 2, /* the detector was near its limit; range is given, but biased */
+    HEAD_SAMPLE_DROPPED =
+        1u << 1, /* an echo, but nothing usable (too weak, overloaded); no range */
+    HEAD_SAMPLE_SATURATED =
+        1u << 2, /* the detector was near its limit; range is given, but biased */
     HEAD_SAMPLE_LASER_OFF = 1u << 3, /* nothing was sent, so nothing is known; no range */
     HEAD_SAMPLE_INDEX = 1u << 4      /* the encoder wrapped since the sample before */
 };
 
 enum head_packet_flag {
-    HEAD_PACKET_RESET = 1u << 0 /* first packet since the head started: counters and time begin anew */
+    HEAD_PACKET_RESET =
+        1u << 0 /* first packet since the head started: counters and time begin anew */
 };
 
 enum head_status {
@@ -92,14 +95,15 @@ static inline size_t head_packet_bytes(unsigned sample_count) {
            HEAD_PACKET_CRC_BYTES;
 }
 
-/* Writes the packet to out_bytes (room for HEAD_PACKET_MAX_BYTES) and its size. ST_INVALID if a count,
- * interval or time is outside the protocol. seq8 of the samples is written from first_sample_seq. */
+/* Writes the packet to out_bytes (room for HEAD_PACKET_MAX_BYTES) and its size. ST_INVALID if a
+ * count, interval or time is outside the protocol. seq8 of the samples is written from
+ * first_sample_seq. */
 ST_MUST_CHECK enum st head_packet_encode(const struct head_packet *packet, uint8_t *out_bytes,
                                          size_t *out_size);
 
-/* Decodes one packet at the start of bytes[0..size). ST_OK with the packet and its size; ST_TIMEOUT if
- * the bytes are the beginning of a packet and more must come; ST_FORMAT if they are no packet; ST_DAMAGED
- * if the frame fits but its CRC does not. Trusts nothing. */
+/* Decodes one packet at the start of bytes[0..size). ST_OK with the packet and its size; ST_TIMEOUT
+ * if the bytes are the beginning of a packet and more must come; ST_FORMAT if they are no packet;
+ * ST_DAMAGED if the frame fits but its CRC does not. Trusts nothing. */
 ST_MUST_CHECK enum st head_packet_decode(const uint8_t *bytes, size_t size,
                                          struct head_packet *out_packet, size_t *out_size);
 
@@ -108,11 +112,12 @@ struct head_stream_stats {
     uint64_t packets, bytes_skipped, damaged;
 };
 
-/* Finds the next good packet in bytes[*offset..size), skipping what is none, and moves *offset behind it.
- * ST_OK with the packet; ST_TIMEOUT when no further whole packet is there: *offset is then where the
- * unread rest begins (keep it and append). Linear time; stats are added to. */
+/* Finds the next good packet in bytes[*offset..size), skipping what is none, and moves *offset
+ * behind it. ST_OK with the packet; ST_TIMEOUT when no further whole packet is there: *offset is
+ * then where the unread rest begins (keep it and append). Linear time; stats are added to. */
 ST_MUST_CHECK enum st head_stream_next(const uint8_t *bytes, size_t size, size_t *offset,
-                                       struct head_packet *out_packet, struct head_stream_stats *stats);
+                                       struct head_packet *out_packet,
+                                       struct head_stream_stats *stats);
 
 #ifdef __cplusplus
 }

@@ -88,7 +88,8 @@ double rig_tilt_angle(const struct rig *rig, double tilt_steps) {
 
 struct vec3 rig_mirror_normal(const struct rig *rig, double mirror_angle_rad) {
     struct vec3 a = rig->shaft;
-    struct vec3 e0 = vec3_unit(vec3_madd(vec3_make(1, 0, 0), a, -a.x)); /* head x, made normal to a */
+    struct vec3 e0 =
+        vec3_unit(vec3_madd(vec3_make(1, 0, 0), a, -a.x)); /* head x, made normal to a */
     struct vec3 e1 = vec3_cross(a, e0);
     double c = cos(rig->mirror_angle_rad), s = sin(rig->mirror_angle_rad);
     double ct = cos(mirror_angle_rad), st = sin(mirror_angle_rad);
@@ -124,8 +125,8 @@ double rig_range(const struct rig *rig, double distance_m) {
     return (distance_m + rig->mirror_path_m - rig->range_offset_m) / rig->range_scale;
 }
 
-struct vec3 rig_point(const struct rig *rig, double mirror_angle_rad, double tilt_rad, double pan_rad,
-                      double range_m) {
+struct vec3 rig_point(const struct rig *rig, double mirror_angle_rad, double tilt_rad,
+                      double pan_rad, double range_m) {
     struct rig_beam beam = rig_direction(rig, mirror_angle_rad, tilt_rad, pan_rad);
     return vec3_madd(beam.origin_m, beam.dir, rig_distance(rig, range_m));
 }

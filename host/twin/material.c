@@ -12,7 +12,12 @@ struct shading {
     float u, v, w;    /* in units of scale_m */
     float nx, ny, nz; /* normal, local */
     uint32_t seed;
+    int coarse; /* octaves to leave out, and no relief */
 };
+
+static int octaves(const struct shading *s, int count) {
+    return count > s->coarse + 1 ? count - s->coarse : 1;
+}
 
 static void set(struct material_sample *out, const float rgb[3], float k) {
     for (int i = 0; i < 3; i++)
@@ -57,8 +62,8 @@ static void flat_uv(const struct shading *s, float *u, float *v) {
 static void asphalt(const struct shading *s, struct material_sample *out) {
     struct noise3_cells grain = noise3_worley(s->x * 90, s->y * 90, s->z * 90, s->seed);
     float stone = (float)(grain.id & 255) / 255.0f;
-    float large = noise3_fbm(s->x * 0.7f, s->y * 0.7f, s->z * 0.7f, 4, s->seed + 1);
-    float worn = noise3_fbm(s->x * 5, s->y * 5, s->z * 5, 3, s->seed + 2);
+    float large = noise3_fbm(s->x * 0.7f, s->y * 0.7f, s->z * 0.7f, octaves(s, 4), s->seed + 1);
+    float worn = noise3_fbm(s->x * 5, s->y * 5, s->z * 5, octaves(s, 3), s->seed + 2);
     set(out, s->m->rgb, 0.62f + 0.7f * stone * stone + 0.28f * large + 0.12f * worn);
     if (stone > 0.93f)
         scale(out, 1.7f);
@@ -70,18 +75,18 @@ static void asphalt(const struct shading *s, struct material_sample *out) {
     float line = noise3_smooth(0.012f, 0.004f, crack - c.f1) * noise3_smooth(0.0f, 0.35f, large);
     scale(out, 1 - 0.65f * line);
     /* damp patches shine */
-    float damp =
-        noise3_smooth(0.15f, 0.45f, noise3_fbm(s->x * 0.45f, s->y * 0.45f, 7, 3, s->seed + 5));
+    float damp = noise3_smooth(
+        0.15f, 0.45f, noise3_fbm(s->x * 0.45f, s->y * 0.45f, 7, octaves(s, 3), s->seed + 5));
     out->roughness = noise3_mix(s->m->roughness, 0.18f, damp);
     scale(out, 1 - 0.35f * damp);
     relief(s, out, 140, 0.5f * (1 - 0.8f * damp));
 }
 
 static void concrete(const struct shading *s, struct material_sample *out) {
-    float a = noise3_fbm(s->x * 2, s->y * 2, s->z * 2, 5, s->seed);
-    float b = noise3_fbm(s->x * 40, s->y * 40, s->z * 40, 2, s->seed + 1);
-    float stain = noise3_smooth(0.1f, 0.5f,
-                                noise3_fbm(s->x * 0.8f, s->y * 0.8f, s->z * 0.25f, 4, s->seed + 2));
+    float a = noise3_fbm(s->x * 2, s->y * 2, s->z * 2, octaves(s, 5), s->seed);
+    float b = noise3_fbm(s->x * 40, s->y * 40, s->z * 40, octaves(s, 2), s->seed + 1);
+    float stain = noise3_smooth(
+        0.1f, 0.5f, noise3_fbm(s->x * 0.8f, s->y * 0.8f, s->z * 0.25f, octaves(s, 4), s->seed + 2));
     set(out, s->m->rgb, 1 + 0.22f * a + 0.12f * b - 0.3f * stain);
     struct noise3_cells pore = noise3_worley(s->x * 30, s->y * 30, s->z * 30, s->seed + 3);
     if (pore.f1 < 0.12f)
@@ -90,14 +95,15 @@ static void concrete(const struct shading *s, struct material_sample *out) {
 }
 
 static void plaster(const struct shading *s, struct material_sample *out) {
-    float a = noise3_fbm(s->x * 1.3f, s->y * 1.3f, s->z * 1.3f, 5, s->seed);
-    float b = noise3_fbm(s->x * 25, s->y * 25, s->z * 25, 3, s->seed + 1);
+    float a = noise3_fbm(s->x * 1.3f, s->y * 1.3f, s->z * 1.3f, octaves(s, 5), s->seed);
+    float b = noise3_fbm(s->x * 25, s->y * 25, s->z * 25, octaves(s, 3), s->seed + 1);
     set(out, s->m->rgb, 1 + 0.12f * a + 0.06f * b);
-    float flake = noise3_smooth(0.36f, 0.44f,
-                                noise3_fbm(s->x * 0.9f, s->y * 0.9f, s->z * 0.9f, 5, s->seed + 2));
+    float flake = noise3_smooth(
+        0.36f, 0.44f,
+        noise3_fbm(s->x * 0.9f, s->y * 0.9f, s->z * 0.9f, octaves(s, 5), s->seed + 2));
     blend(out, s->m->rgb2, 1 + 0.25f * b, flake);
-    float streak =
-        noise3_smooth(0.1f, 0.6f, noise3_fbm(s->x * 3, s->y * 3, s->z * 0.3f, 4, s->seed + 3));
+    float streak = noise3_smooth(
+        0.1f, 0.6f, noise3_fbm(s->x * 3, s->y * 3, s->z * 0.3f, octaves(s, 4), s->seed + 3));
     scale(out, 1 - 0.2f * streak);
     relief(s, out, 45, 0.25f);
 }
@@ -125,11 +131,11 @@ static void brick(const struct shading *s, struct material_sample *out) {
     uint32_t id;
     float lu, lv, joint = blocks(s, 0.25f, 0.075f, 0.006f, &id, &lu, &lv);
     float tone = (float)(id & 255) / 255.0f, burn = (float)(id >> 8 & 255) / 255.0f;
-    float b = noise3_fbm(s->x * 35, s->y * 35, s->z * 35, 3, s->seed + 1);
+    float b = noise3_fbm(s->x * 35, s->y * 35, s->z * 35, octaves(s, 3), s->seed + 1);
     set(out, s->m->rgb, 0.7f + 0.5f * tone + 0.25f * b);
     if (burn > 0.85f)
         scale(out, 0.5f);
-    float soot = noise3_fbm(s->x * 0.5f, s->y * 0.5f, s->z * 0.5f, 4, s->seed + 2);
+    float soot = noise3_fbm(s->x * 0.5f, s->y * 0.5f, s->z * 0.5f, octaves(s, 4), s->seed + 2);
     scale(out, 1 + 0.25f * soot);
     blend(out, s->m->rgb2, 0.9f + 0.3f * b, joint);
     relief(s, out, 70, 0.35f);
@@ -139,12 +145,13 @@ static void ashlar(const struct shading *s, struct material_sample *out) {
     uint32_t id;
     float lu, lv, joint = blocks(s, s->m->scale_m * 1.9f, s->m->scale_m, 0.005f, &id, &lu, &lv);
     float tone = (float)(id & 255) / 255.0f, warm = (float)(id >> 8 & 255) / 255.0f;
-    float a = noise3_fbm(s->x * 2.5f, s->y * 2.5f, s->z * 5, 5, s->seed + (id & 15));
-    float b = noise3_fbm(s->x * 40, s->y * 40, s->z * 40, 2, s->seed + 1);
+    float a = noise3_fbm(s->x * 2.5f, s->y * 2.5f, s->z * 5, octaves(s, 5), s->seed + (id & 15));
+    float b = noise3_fbm(s->x * 40, s->y * 40, s->z * 40, octaves(s, 2), s->seed + 1);
     set(out, s->m->rgb, 0.82f + 0.26f * tone + 0.2f * a + 0.1f * b);
     out->rgb[2] *= 1.06f - 0.18f * warm;
-    float damp = noise3_smooth(0.15f, 0.55f,
-                               noise3_fbm(s->x * 0.4f, s->y * 0.4f, s->z * 0.4f, 5, s->seed + 3));
+    float damp = noise3_smooth(
+        0.15f, 0.55f,
+        noise3_fbm(s->x * 0.4f, s->y * 0.4f, s->z * 0.4f, octaves(s, 5), s->seed + 3));
     scale(out, 1 - 0.22f * damp);
     blend(out, s->m->rgb2, 0.85f + 0.2f * b, joint * 0.8f);
     relief(s, out, 50, 0.3f);
@@ -152,7 +159,7 @@ static void ashlar(const struct shading *s, struct material_sample *out) {
 }
 
 static void marble(const struct shading *s, struct material_sample *out) {
-    float q = noise3_fbm(s->u, s->v, s->w, 5, s->seed);
+    float q = noise3_fbm(s->u, s->v, s->w, octaves(s, 5), s->seed);
     float vein = 1 - fabsf(sinf(3.1f * (s->u * 0.6f + s->v * 0.35f + s->w * 0.45f) + 5 * q));
     vein = vein * vein * vein;
     set(out, s->m->rgb, 0.96f + 0.12f * q);
@@ -160,11 +167,12 @@ static void marble(const struct shading *s, struct material_sample *out) {
 }
 
 static void stone(const struct shading *s, struct material_sample *out) {
-    float a = noise3_fbm(s->x * 1.6f, s->y * 1.6f, s->z * 3.4f, 5, s->seed);
-    float b = noise3_fbm(s->x * 45, s->y * 45, s->z * 45, 3, s->seed + 1);
+    float a = noise3_fbm(s->x * 1.6f, s->y * 1.6f, s->z * 3.4f, octaves(s, 5), s->seed);
+    float b = noise3_fbm(s->x * 45, s->y * 45, s->z * 45, octaves(s, 3), s->seed + 1);
     set(out, s->m->rgb, 0.95f + 0.2f * a + 0.14f * b);
     float crust = noise3_smooth(
-        0.2f, 0.55f, noise3_fbm(s->x * 3, s->y * 3, s->z * 1.2f, 4, s->seed + 2) - 0.25f * s->nz);
+        0.2f, 0.55f,
+        noise3_fbm(s->x * 3, s->y * 3, s->z * 1.2f, octaves(s, 4), s->seed + 2) - 0.25f * s->nz);
     blend(out, s->m->rgb2, 1 + 0.3f * b, 0.6f * crust);
     relief(s, out, 60, 0.3f);
     relief(s, out, 14, 0.12f);
@@ -174,7 +182,7 @@ static void paint(const struct shading *s, struct material_sample *out) {
     uint32_t flake = noise3_hash((int32_t)floorf(s->x * 900), (int32_t)floorf(s->y * 900),
                                  (int32_t)floorf(s->z * 900), s->seed);
     set(out, s->m->rgb, 0.94f + 0.12f * (float)(flake & 255) / 255.0f);
-    float dirt = noise3_fbm(s->x * 4, s->y * 4, s->z * 6, 5, s->seed + 1);
+    float dirt = noise3_fbm(s->x * 4, s->y * 4, s->z * 6, octaves(s, 5), s->seed + 1);
     float low = noise3_smooth(0.75f, 0.15f, s->z + 0.22f * dirt);
     float film = 0.06f * noise3_smooth(-0.2f, 0.5f, dirt) + 0.72f * low * low;
     blend(out, s->m->rgb2, 0.8f + 0.3f * dirt, film);
@@ -183,19 +191,20 @@ static void paint(const struct shading *s, struct material_sample *out) {
 }
 
 static void wood(const struct shading *s, struct material_sample *out) {
-    float bend = noise3_fbm(s->u * 0.5f, s->v * 0.5f, s->w * 0.12f, 3, s->seed);
+    float bend = noise3_fbm(s->u * 0.5f, s->v * 0.5f, s->w * 0.12f, octaves(s, 3), s->seed);
     float rings = sinf(18 * (sqrtf(s->u * s->u + s->v * s->v) + 0.6f * bend));
-    float fibre = noise3_fbm(s->x * 120, s->y * 120, s->z * 6, 3, s->seed + 1);
+    float fibre = noise3_fbm(s->x * 120, s->y * 120, s->z * 6, octaves(s, 3), s->seed + 1);
     set(out, s->m->rgb, 0.92f + 0.2f * fibre);
     blend(out, s->m->rgb2, 1 + 0.2f * fibre, 0.5f + 0.5f * rings);
     relief(s, out, 90, 0.15f);
 }
 
 static void bark(const struct shading *s, struct material_sample *out) {
-    float a = noise3_ridged(s->x * 9, s->y * 9, s->z * 2.2f, 4, s->seed);
-    float b = noise3_fbm(s->x * 30, s->y * 30, s->z * 30, 3, s->seed + 1);
+    float a = noise3_ridged(s->x * 9, s->y * 9, s->z * 2.2f, octaves(s, 4), s->seed);
+    float b = noise3_fbm(s->x * 30, s->y * 30, s->z * 30, octaves(s, 3), s->seed + 1);
     set(out, s->m->rgb, 0.35f + 0.95f * a * a + 0.2f * b);
-    float moss = noise3_smooth(0.1f, 0.5f, noise3_fbm(s->x, s->y, s->z * 0.6f, 4, s->seed + 2));
+    float moss =
+        noise3_smooth(0.1f, 0.5f, noise3_fbm(s->x, s->y, s->z * 0.6f, octaves(s, 4), s->seed + 2));
     blend(out, s->m->rgb2, 0.7f + 0.4f * b, 0.5f * moss);
     relief(s, out, 16, 0.9f);
 }
@@ -209,8 +218,8 @@ static void leaf(const struct shading *s, struct material_sample *out) {
 }
 
 static void grass(const struct shading *s, struct material_sample *out) {
-    float a = noise3_fbm(s->x * 0.8f, s->y * 0.8f, s->z, 4, s->seed);
-    float b = noise3_fbm(s->x * 35, s->y * 35, s->z * 20, 3, s->seed + 1);
+    float a = noise3_fbm(s->x * 0.8f, s->y * 0.8f, s->z, octaves(s, 4), s->seed);
+    float b = noise3_fbm(s->x * 35, s->y * 35, s->z * 20, octaves(s, 3), s->seed + 1);
     set(out, s->m->rgb, 0.8f + 0.6f * b + 0.2f * a);
     blend(out, s->m->rgb2, 0.8f + 0.5f * b, noise3_smooth(-0.15f, 0.5f, a));
     relief(s, out, 60, 0.9f);
@@ -222,8 +231,8 @@ static void checker(const struct shading *s, struct material_sample *out) {
 }
 
 static void road_mark(const struct shading *s, struct material_sample *out) {
-    float a = noise3_fbm(s->x * 12, s->y * 12, s->z, 4, s->seed);
-    float b = noise3_fbm(s->x * 1.1f, s->y * 1.1f, s->z, 3, s->seed + 1);
+    float a = noise3_fbm(s->x * 12, s->y * 12, s->z, octaves(s, 4), s->seed);
+    float b = noise3_fbm(s->x * 1.1f, s->y * 1.1f, s->z, octaves(s, 3), s->seed + 1);
     set(out, s->m->rgb, 0.9f + 0.15f * a);
     struct noise3_cells grain = noise3_worley(s->x * 90, s->y * 90, s->z * 90, s->seed + 2);
     float worn = noise3_smooth(0.12f, 0.32f, 0.6f * b + 0.4f * a + 0.25f * (grain.f1 - 0.4f));
@@ -293,7 +302,7 @@ static void sign(const struct shading *s, struct material_sample *out) {
         if (bar || dot)
             set(out, black, 1);
     }
-    float scratch = noise3_fbm(s->x * 20, s->y * 20, s->z * 20, 4, s->seed);
+    float scratch = noise3_fbm(s->x * 20, s->y * 20, s->z * 20, octaves(s, 4), s->seed);
     scale(out, 0.95f + 0.12f * scratch);
 }
 
@@ -311,8 +320,8 @@ static void plate(const struct shading *s, struct material_sample *out) {
 }
 
 static void rust(const struct shading *s, struct material_sample *out) {
-    float a = noise3_fbm(s->x * 6, s->y * 6, s->z * 6, 5, s->seed);
-    float b = noise3_fbm(s->x * 60, s->y * 60, s->z * 60, 2, s->seed + 1);
+    float a = noise3_fbm(s->x * 6, s->y * 6, s->z * 6, octaves(s, 5), s->seed);
+    float b = noise3_fbm(s->x * 60, s->y * 60, s->z * 60, octaves(s, 2), s->seed + 1);
     set(out, s->m->rgb, 0.9f + 0.3f * b);
     blend(out, s->m->rgb2, 0.8f + 0.5f * b, noise3_smooth(-0.1f, 0.3f, a));
     relief(s, out, 80, 0.5f);
@@ -320,7 +329,7 @@ static void rust(const struct shading *s, struct material_sample *out) {
 
 static void cloth(const struct shading *s, struct material_sample *out) {
     float weave = sinf(s->x * 1800) * sinf(s->z * 1800 + s->y * 1800);
-    float a = noise3_fbm(s->x * 6, s->y * 6, s->z * 6, 4, s->seed);
+    float a = noise3_fbm(s->x * 6, s->y * 6, s->z * 6, octaves(s, 4), s->seed);
     set(out, s->m->rgb, 0.9f + 0.08f * weave + 0.2f * a);
     relief(s, out, 22, 0.25f);
 }
@@ -332,7 +341,7 @@ static void floor_tiles(const struct shading *s, struct material_sample *out) {
     float tone = (float)(id & 255) / 255.0f;
     struct shading cut = *s;
     cut.w += (float)(id >> 8 & 255); /* each tile from another place of the block */
-    float q = noise3_fbm(cut.u * 1.7f, cut.v * 1.7f, cut.w, 5, s->seed + 1);
+    float q = noise3_fbm(cut.u * 1.7f, cut.v * 1.7f, cut.w, octaves(s, 5), s->seed + 1);
     float vein = 1 - fabsf(sinf(4 * (cut.u + 0.4f * cut.v) + 6 * q + (float)(id & 7)));
     vein = vein * vein * vein * vein;
     set(out, odd ? s->m->rgb2 : s->m->rgb, 0.82f + 0.3f * tone + 0.15f * q);
@@ -340,13 +349,13 @@ static void floor_tiles(const struct shading *s, struct material_sample *out) {
     float edge = fminf(fminf(fu, 1 - fu), fminf(fv, 1 - fv)) * s->m->scale_m;
     float joint = noise3_smooth(0.004f, 0.002f, edge);
     scale(out, 1 - 0.65f * joint);
-    float worn = noise3_fbm(s->x * 0.7f, s->y * 0.7f, 0, 4, s->seed + 2);
+    float worn = noise3_fbm(s->x * 0.7f, s->y * 0.7f, 0, octaves(s, 4), s->seed + 2);
     out->roughness = s->m->roughness * (1 + 0.8f * noise3_smooth(-0.3f, 0.5f, worn)) + 0.4f * joint;
     out->f0 = s->m->f0 * (1 - 0.8f * joint);
 }
 
 static void tyre(const struct shading *s, struct material_sample *out) {
-    float dust = noise3_fbm(s->x * 9, s->y * 9, s->z * 9, 4, s->seed);
+    float dust = noise3_fbm(s->x * 9, s->y * 9, s->z * 9, octaves(s, 4), s->seed);
     set(out, s->m->rgb, 1);
     blend(out, s->m->rgb2, 1, 0.16f + 0.25f * noise3_smooth(-0.1f, 0.5f, dust));
     /* tread: blocks around the tyre, whose axis is y */
@@ -365,14 +374,14 @@ static void tyre(const struct shading *s, struct material_sample *out) {
 
 static void stripes(const struct shading *s, struct material_sample *out) {
     int odd = (int)floorf(s->w) & 1;
-    float a = noise3_fbm(s->x * 14, s->y * 14, s->z * 14, 4, s->seed);
+    float a = noise3_fbm(s->x * 14, s->y * 14, s->z * 14, octaves(s, 4), s->seed);
     set(out, odd ? s->m->rgb2 : s->m->rgb, 0.95f + 0.15f * a);
     scale(out, 1 - 0.3f * noise3_smooth(0.1f, 0.5f, a));
 }
 
 static void dummy(const struct shading *s, struct material_sample *out) {
     static const float yellow[3] = {0.75f, 0.5f, 0.02f}, black[3] = {0.02f, 0.02f, 0.02f};
-    float a = noise3_fbm(s->x * 8, s->y * 8, s->z * 8, 4, s->seed);
+    float a = noise3_fbm(s->x * 8, s->y * 8, s->z * 8, octaves(s, 4), s->seed);
     set(out, s->m->rgb, 0.97f + 0.12f * a);
     struct noise3_cells c = noise3_worley(s->x * 5.5f, s->y * 5.5f, s->z * 5.5f, s->seed + 1);
     if (c.f1 < 0.22f && (c.id & 3) == 0) { /* round markers in quarters */
@@ -382,15 +391,15 @@ static void dummy(const struct shading *s, struct material_sample *out) {
 }
 
 static void dirt(const struct shading *s, struct material_sample *out) {
-    float a = noise3_fbm(s->x * 1.5f, s->y * 1.5f, s->z * 1.5f, 5, s->seed);
-    float b = noise3_fbm(s->x * 50, s->y * 50, s->z * 50, 3, s->seed + 1);
+    float a = noise3_fbm(s->x * 1.5f, s->y * 1.5f, s->z * 1.5f, octaves(s, 5), s->seed);
+    float b = noise3_fbm(s->x * 50, s->y * 50, s->z * 50, octaves(s, 3), s->seed + 1);
     set(out, s->m->rgb, 0.9f + 0.4f * b);
     blend(out, s->m->rgb2, 0.9f + 0.4f * b, noise3_smooth(-0.2f, 0.3f, a));
     relief(s, out, 50, 0.8f);
 }
 
 static void brushed(const struct shading *s, struct material_sample *out) {
-    float a = noise3_fbm(s->x * 300, s->y * 300, s->z * 4, 2, s->seed);
+    float a = noise3_fbm(s->x * 300, s->y * 300, s->z * 4, octaves(s, 2), s->seed);
     set(out, s->m->rgb, 0.93f + 0.12f * a);
     out->roughness = s->m->roughness * (1 + 0.4f * a);
 }
@@ -417,7 +426,7 @@ static void roof(const struct shading *s, struct material_sample *out) {
 }
 
 static void velvet(const struct shading *s, struct material_sample *out) {
-    float a = noise3_fbm(s->x * 7, s->y * 7, s->z * 7, 4, s->seed);
+    float a = noise3_fbm(s->x * 7, s->y * 7, s->z * 7, octaves(s, 4), s->seed);
     set(out, s->m->rgb, 0.8f + 0.5f * a);
 }
 
@@ -430,7 +439,7 @@ static texture_function *const textures[] = {
     cloth, floor_tiles, tyre,     stripes, dummy,     dirt,   brushed, windows, roof,  velvet,
 };
 
-void material_sample_at(const struct material *m, struct vec3 p, struct vec3 n,
+void material_sample_at(const struct material *m, struct vec3 p, struct vec3 n, bool coarse,
                         struct material_sample *out) {
     struct shading s = {.m = m,
                         .x = (float)p.x,
@@ -439,7 +448,8 @@ void material_sample_at(const struct material *m, struct vec3 p, struct vec3 n,
                         .nx = (float)n.x,
                         .ny = (float)n.y,
                         .nz = (float)n.z,
-                        .seed = m->seed};
+                        .seed = m->seed,
+                        .coarse = coarse ? 2 : 0};
     float inverse = m->scale_m > 0 ? 1 / m->scale_m : 1;
     s.u = s.x * inverse;
     s.v = s.y * inverse;
@@ -462,12 +472,4 @@ void material_sample_at(const struct material *m, struct vec3 p, struct vec3 n,
     float ratio = own > 1e-6f ? mean / own : 1;
     float ir = m->albedo_ir * (0.4f + 0.6f * ratio);
     out->albedo_ir = ir < 0.002f ? 0.002f : ir > 0.97f ? 0.97f : ir;
-}
-
-float material_albedo_ir(const struct material *m, struct vec3 p, struct vec3 n) {
-    if (m->texture == TEXTURE_PLAIN)
-        return m->albedo_ir;
-    struct material_sample sample;
-    material_sample_at(m, p, n, &sample);
-    return sample.albedo_ir;
 }

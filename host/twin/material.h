@@ -4,6 +4,7 @@
 
 #include "base/vec.h"
 
+#include <stdbool.h>
 #include <stdint.h>
 
 enum material_kind {
@@ -74,12 +75,11 @@ struct material_sample {
     struct vec3 bump; /* to be added to the unit normal, local frame */
 };
 
-/* Evaluates the pattern at p (local frame) with unit normal n (local frame). Any thread. */
-void material_sample_at(const struct material *m, struct vec3 p, struct vec3 n,
+/* Evaluates the pattern at p (local frame) with unit normal n (local frame). coarse: features finer
+ * than a few millimetres, and the relief, are left out; enough for the laser's footprint and for
+ * what is seen in a mirror, at a third of the cost. Any thread. */
+void material_sample_at(const struct material *m, struct vec3 p, struct vec3 n, bool coarse,
                         struct material_sample *out);
-
-/* Only the albedo for the laser: cheaper. */
-float material_albedo_ir(const struct material *m, struct vec3 p, struct vec3 n);
 
 /* Fresnel reflectance by Schlick's approximation (1994). */
 static inline double material_fresnel(double f0, double cos_incidence) {

@@ -2,20 +2,27 @@
 
 #include <math.h>
 
-uint32_t noise3_hash(int32_t x, int32_t y, int32_t z, uint32_t seed) {
-    /* Each coordinate through its own odd multiplier, then the finaliser of MurmurHash3 (Appleby).
-     */
-    uint32_t h = seed * 0x9e3779b1u;
-    h ^= (uint32_t)x * 0x85ebca6bu;
-    h = (h << 13 | h >> 19) * 5u + 0xe6546b64u;
+/* The hash in three stages, so that corners of a cell share the first two. Each coordinate passes
+ * through its own odd multiplier; the end is the finaliser of MurmurHash3 (Appleby). */
+static inline uint32_t hash_x(int32_t x, uint32_t seed) {
+    uint32_t h = seed * 0x9e3779b1u ^ (uint32_t)x * 0x85ebca6bu;
+    return (h << 13 | h >> 19) * 5u + 0xe6546b64u;
+}
+static inline uint32_t hash_y(uint32_t h, int32_t y) {
     h ^= (uint32_t)y * 0xc2b2ae35u;
-    h = (h << 13 | h >> 19) * 5u + 0xe6546b64u;
+    return (h << 13 | h >> 19) * 5u + 0xe6546b64u;
+}
+static inline uint32_t hash_z(uint32_t h, int32_t z) {
     h ^= (uint32_t)z * 0x27d4eb2fu;
     h ^= h >> 16;
     h *= 0x85ebca6bu;
     h ^= h >> 13;
     h *= 0xc2b2ae35u;
     return h ^ h >> 16;
+}
+
+uint32_t noise3_hash(int32_t x, int32_t y, int32_t z, uint32_t seed) {
+    return hash_z(hash_y(hash_x(x, seed), y), z);
 }
 
 float noise3_cell(int32_t x, int32_t y, int32_t z, uint32_t seed) {
@@ -39,10 +46,14 @@ float noise3_gradient(float x, float y, float z, uint32_t seed) {
     float dx = x - fx, dy = y - fy, dz = z - fz;
     float u = fade(dx), v = fade(dy), w = fade(dz);
     float corner[8];
-    for (int i = 0; i < 8; i++) {
-        int cx = i & 1, cy = i >> 1 & 1, cz = i >> 2;
-        corner[i] = gradient(noise3_hash(ix + cx, iy + cy, iz + cz, seed), dx - (float)cx,
-                             dy - (float)cy, dz - (float)cz);
+    for (int cx = 0; cx < 2; cx++) {
+        uint32_t hx = hash_x(ix + cx, seed);
+        for (int cy = 0; cy < 2; cy++) {
+            uint32_t hxy = hash_y(hx, iy + cy);
+            for (int cz = 0; cz < 2; cz++)
+                corner[cx + 2 * cy + 4 * cz] =
+                    gradient(hash_z(hxy, iz + cz), dx - (float)cx, dy - (float)cy, dz - (float)cz);
+        }
     }
     float a =
         noise3_mix(noise3_mix(corner[0], corner[1], u), noise3_mix(corner[2], corner[3], u), v);
@@ -79,10 +90,12 @@ float noise3_ridged(float x, float y, float z, int octaves, uint32_t seed) {
 struct noise3_cells noise3_worley(float x, float y, float z, uint32_t seed) {
     int32_t ix = (int32_t)floorf(x), iy = (int32_t)floorf(y), iz = (int32_t)floorf(z);
     struct noise3_cells best = {1e9f, 1e9f, 0};
-    for (int32_t dz = -1; dz <= 1; dz++) {
+    for (int32_t dx = -1; dx <= 1; dx++) {
+        uint32_t hx = hash_x(ix + dx, seed);
         for (int32_t dy = -1; dy <= 1; dy++) {
-            for (int32_t dx = -1; dx <= 1; dx++) {
-                uint32_t h = noise3_hash(ix + dx, iy + dy, iz + dz, seed);
+            uint32_t hxy = hash_y(hx, iy + dy);
+            for (int32_t dz = -1; dz <= 1; dz++) {
+                uint32_t h = hash_z(hxy, iz + dz);
                 float px = (float)(ix + dx) + (float)(h & 1023) / 1023.0f - x;
                 float py = (float)(iy + dy) + (float)(h >> 10 & 1023) / 1023.0f - y;
                 float pz = (float)(iz + dz) + (float)(h >> 20 & 1023) / 1023.0f - z;

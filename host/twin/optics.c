@@ -77,7 +77,7 @@ static void look_up(const struct scene *scene, const struct trace_hit *hit, stru
     if (e->cached_part == hit->part)
         return;
     struct material_sample sample;
-    scene_sample(scene, hit, &sample);
+    scene_sample(scene, hit, true, &sample);
     e->cached_part = hit->part;
     e->cached_albedo = sample.albedo_ir;
     e->cached_roughness = sample.roughness;

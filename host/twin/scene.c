@@ -147,12 +147,12 @@ void scene_truth_of(const struct scene *scene, const struct trace_ray *ray,
     }
 }
 
-void scene_sample(const struct scene *scene, const struct trace_hit *hit,
+void scene_sample(const struct scene *scene, const struct trace_hit *hit, bool coarse,
                   struct material_sample *out) {
     const struct scene_part *part = &scene->part[hit->part];
     const struct pose *local = &part->local_from_world;
     material_sample_at(&scene->material[part->material], pose_apply(local, hit->p_m),
-                       mat3_mulv(&local->r, hit->shading), out);
+                       mat3_mulv(&local->r, hit->shading), coarse, out);
     out->bump = mat3_tmulv(&local->r, out->bump);
 }
 

@@ -111,8 +111,8 @@ struct scene_truth {
 void scene_truth_of(const struct scene *scene, const struct trace_ray *ray,
                     struct scene_truth *out_truth);
 
-/* The material pattern at a hit. */
-void scene_sample(const struct scene *scene, const struct trace_hit *hit,
+/* The material pattern at a hit; coarse as in material_sample_at(). */
+void scene_sample(const struct scene *scene, const struct trace_hit *hit, bool coarse,
                   struct material_sample *out);
 
 /* ST_INVALID with a reason if a sensor cannot be at this place: surfaces within clearance_m, or

@@ -1,5 +1,5 @@
-/* Any bytes may come from the wire: the decoder must neither read beyond them nor accept a packet that it
- * would not itself have written. */
+/* Any bytes may come from the wire: the decoder must neither read beyond them nor accept a packet
+ * that it would not itself have written. */
 #include "base/head_packet.h"
 
 #include <stdbool.h>
