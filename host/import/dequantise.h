@@ -35,7 +35,7 @@ struct dequantise_options {
  * the surface climbs to step / sqrt(6) on wide plateaus (see sigma_steps() for where these come
  * from). The map's own errors, beyond being rounded, are not in it. ST_INVALID for sizes that
  * differ, more than one channel or a step that is not positive; ST_NOMEM. Cost: about 2 *
- * iterations * 25 operations a pixel, 29 bytes of scratch a pixel. Same result for any number of
+ * iterations * 25 operations a pixel, 34 bytes of scratch a pixel. Same result for any number of
  * threads. */
 ST_MUST_CHECK enum st dequantise(const struct image_f32 *map,
                                  const struct dequantise_options *options,
