@@ -14,3 +14,5 @@ scancart_test(test_controller SOURCES unit/firmware/test_controller.c DEPS fw_po
 scancart_test(test_mechanics SOURCES unit/firmware/test_mechanics.c DEPS fw_port_sim LABELS "unit;firmware")
 scancart_fuzz(mbslave SOURCES fuzz/fuzz_mbslave.c DEPS fw_core)
 scancart_fuzz(controller SOURCES fuzz/fuzz_controller.c DEPS fw_port_sim)
+scancart_test(test_simport SOURCES unit/firmware/test_simport.c DEPS fw_port_sim LABELS "unit;firmware")
+scancart_test(prop_safety SOURCES prop/firmware/prop_safety.c DEPS fw_port_sim sc_base LABELS "prop;firmware" TIMEOUT 300)
