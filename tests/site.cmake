@@ -10,3 +10,5 @@ scancart_script_test(e2e_site COMMAND tests/e2e/site.sh LABELS e2e)
 scancart_test(prop_site_power SOURCES prop/prop_site_power.c support/site_sample.c support/power_vfs.c
   DEPS sc_site sqlite3 LABELS prop TIMEOUT 120)
 scancart_fuzz(site_db SOURCES fuzz/fuzz_site_db.c support/site_sample.c DEPS sc_site sqlite3)
+add_executable(bench_site bench/bench_site.c support/site_sample.c)
+target_link_libraries(bench_site PRIVATE sc_site)
