@@ -49,7 +49,7 @@ static volatile sig_atomic_t interrupted;
 
 static void on_signal(int number) {
     (void)number;
-    interrupted = 1;
+    interrupted = interrupted ? 2 : 1;
 }
 
 static void catch_signals(void) {
@@ -115,11 +115,12 @@ static bool busy(const struct motor_axis_status *axis) {
     return axis->moving || axis->homing;
 }
 
-/* Waits until nothing moves, drawing a line on a terminal. ST_CANCELLED on Ctrl-C, after stopping.
- */
+/* Waits until nothing moves, drawing a line on a terminal. Ctrl-C ramps down, so that the axes
+ * still know where they are: ST_CANCELLED at rest; a second Ctrl-C does not wait for that. */
 static enum st wait_for_rest(struct motor *motor, struct motor_status *out_status,
                              struct errctx *err) {
     int64_t end_ns = clock_now_ns() + (int64_t)MOTION_MAX_S * 1000000000;
+    bool stopping = false;
     for (;;) {
         enum st st = motor->ops->status(motor, out_status, err);
         if (st)
@@ -127,14 +128,18 @@ static enum st wait_for_rest(struct motor *motor, struct motor_status *out_statu
         if (out_status->state == CTLSTATE_FAULT)
             return say_fault(out_status, err);
         controller_text_progress(out_status);
-        if (interrupted) {
-            (void)motor->ops->stop(motor, NULL);
+        bool rest = !busy(&out_status->axis[MOTOR_PAN]) && !busy(&out_status->axis[MOTOR_TILT]);
+        if (interrupted && (rest || interrupted > 1))
             return errctx_set(err, ST_CANCELLED, "stopped at pan %d, tilt %d",
                               out_status->axis[MOTOR_PAN].steps,
                               out_status->axis[MOTOR_TILT].steps);
-        }
-        if (!busy(&out_status->axis[MOTOR_PAN]) && !busy(&out_status->axis[MOTOR_TILT]))
+        if (rest)
             return ST_OK;
+        if (interrupted && !stopping)
+            st = motor->ops->stop(motor, err);
+        stopping = interrupted;
+        if (st)
+            return st;
         if (clock_now_ns() > end_ns)
             return errctx_set(err, ST_TIMEOUT, "the motion has not ended within %d s",
                               MOTION_MAX_S);

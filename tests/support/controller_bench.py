@@ -127,11 +127,11 @@ class F405(Bench):
 class Native(Bench):
     """The firmware on its simulated port, as a program of the host."""
 
-    def __init__(self, binary, limit_s=60):
+    def __init__(self, binary, limit_s=60, options=()):
         super().__init__(limit_s)
         if not os.path.exists(binary):
             skip("no " + binary)
-        self.start([binary], r"(/dev/pts/\d+)")
+        self.start([binary, *options], r"(/dev/pts/\d+)")
 
     def console(self, letter):
         self.process.stdin.write(letter.encode())

@@ -11,6 +11,8 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <unistd.h>
 
 struct line {
@@ -178,6 +180,28 @@ static enum st open_failed(const char *device, int error, struct errctx *err) {
     }
 }
 
+/* A pseudo-terminal (an emulator's line) carries no parity, and asking for one fails the second
+ * time. */
+static bool is_pseudo_terminal(const struct stat *info) {
+    enum { FIRST_PTS_MAJOR = 136, LAST_PTS_MAJOR = 143 };
+    return major(info->st_rdev) >= FIRST_PTS_MAJOR && major(info->st_rdev) <= LAST_PTS_MAJOR;
+}
+
+/* libmodbus makes a terminal of anything: look first, so that there is a clear word. */
+static enum st look_at_device(const char *device, bool *out_pseudo, struct errctx *err) {
+    struct stat info;
+    int fd = open(device, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    if (fd < 0)
+        return open_failed(device, errno, err);
+    bool terminal = isatty(fd);
+    bool known = !fstat(fd, &info);
+    (void)close(fd);
+    if (!terminal)
+        return errctx_set(err, ST_INVALID, "%s is not a serial line", device);
+    *out_pseudo = known && is_pseudo_terminal(&info);
+    return ST_OK;
+}
+
 static enum st connect_line(struct line *line, struct errctx *err) {
     if (modbus_set_slave(line->modbus, (int)line->unit) ||
         modbus_set_error_recovery(line->modbus, MODBUS_ERROR_RECOVERY_NONE) ||
@@ -185,14 +209,6 @@ static enum st connect_line(struct line *line, struct errctx *err) {
                                     line->timeout_ms % 1000 * 1000))
         return errctx_set(err, ST_INVALID, "unit %u or time-out %u ms makes no sense", line->unit,
                           line->timeout_ms);
-    /* libmodbus tries to make a terminal of anything: a clear word first. */
-    int probe = open(line->device, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-    if (probe < 0)
-        return open_failed(line->device, errno, err);
-    bool terminal = isatty(probe);
-    (void)close(probe);
-    if (!terminal)
-        return errctx_set(err, ST_INVALID, "%s is not a serial line", line->device);
     if (modbus_connect(line->modbus))
         return open_failed(line->device, errno, err);
     if (flock(modbus_get_socket(line->modbus), LOCK_EX | LOCK_NB))
@@ -208,6 +224,10 @@ enum st motor_modbus_open(const struct motor_modbus_config *config, struct motor
         !config->parity || !strchr("NEO", config->parity) || config->timeout_ms < 200 ||
         config->timeout_ms > 60000 || config->retries > 10)
         return errctx_set(err, ST_INVALID, "the controller's line is not configured sensibly");
+    bool pseudo = false;
+    enum st st = look_at_device(config->device, &pseudo, err);
+    if (st)
+        return st;
     struct line *line = calloc(1, sizeof *line);
     if (!line)
         return errctx_set(err, ST_NOMEM, "no memory for the controller's line");
@@ -215,9 +235,9 @@ enum st motor_modbus_open(const struct motor_modbus_config *config, struct motor
     line->unit = config->unit;
     line->timeout_ms = config->timeout_ms;
     line->retries = config->retries;
-    line->modbus = modbus_new_rtu(line->device, (int)config->baud, config->parity, 8,
-                                  config->parity == 'N' ? 2 : 1);
-    enum st st = ST_OK;
+    char parity = pseudo ? 'N' : config->parity;
+    line->modbus =
+        modbus_new_rtu(line->device, (int)config->baud, parity, 8, parity == 'N' ? 2 : 1);
     if (!line->modbus)
         st = errctx_set(err, ST_NOMEM, "no memory for the controller's line");
     else
