@@ -12,3 +12,4 @@ scancart_test(prop_site_power SOURCES prop/prop_site_power.c support/site_sample
 scancart_fuzz(site_db SOURCES fuzz/fuzz_site_db.c support/site_sample.c DEPS sc_site sqlite3)
 add_executable(bench_site bench/bench_site.c support/site_sample.c)
 target_link_libraries(bench_site PRIVATE sc_site)
+scancart_script_test(e2e_site_verify COMMAND tests/e2e/site_verify.py --test LABELS e2e)
