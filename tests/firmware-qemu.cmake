@@ -34,3 +34,5 @@ scancart_script_test(controller_torture_qemu COMMAND ${PYTHON_DEBIAN} ${e2e}/con
 # One emulator at a time: each wants a processor of its own to keep the time of a serial line.
 set_tests_properties(firmware_target_tests controller_f405 controller_cli_qemu controller_interop
   controller_torture_qemu PROPERTIES RESOURCE_LOCK emulator)
+scancart_script_test(cart_f405_wiring COMMAND "${CMAKE_SOURCE_DIR}/boards/cart_f405/check-wiring"
+  LABELS "structure;firmware")
