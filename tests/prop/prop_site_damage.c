@@ -13,7 +13,7 @@
 #include <fcntl.h>
 #include <sqlite3.h>
 
-enum { TEXT_MAX = 1024, FILES_MAX = 16, FLIPS_DATABASE = 800, FLIPS_FILES = 400 };
+enum { TEXT_MAX = 1024, FILES_MAX = 16, FLIPS_DATABASE = 700, FLIPS_FILES = 300 };
 
 static char dir[TEMPDIR_MAX], site_dir[TEXT_MAX];
 
