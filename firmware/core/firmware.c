@@ -31,6 +31,7 @@ void firmware_init(void) {
     fw->temperature = 0;
     fw->stack_free = UINT16_MAX;
     fw->ticked = false;
+    fw->halted = false;
     fw->tick_max_us = 0;
     fw->step_slips = 0;
     fw->heard_us = fw->time_us;
@@ -146,8 +147,12 @@ static struct estop_inputs gather(struct firmware *fw, uint32_t interval_us) {
 
 static void judge(struct firmware *fw, uint32_t interval_us) {
     struct estop_inputs in = gather(fw, interval_us);
-    if (estop_tick(&fw->estop, &in))
+    (void)estop_tick(&fw->estop, &in);
+    bool faulted = fw->estop.state == CTLSTATE_FAULT;
+    if (faulted &&
+        !fw->halted) /* tripped here, or by firmware_isr_clock_failure since the last tick */
         firmware_halt(fw);
+    fw->halted = faulted;
 }
 
 void firmware_isr_tick(void) {

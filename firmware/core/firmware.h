@@ -53,6 +53,7 @@ struct firmware {
     uint16_t stack_free;
     uint32_t tick_us; /* hal_time_now of the last tick */
     bool ticked;      /* a tick has been seen */
+    bool halted;      /* everything that moves was stopped for the fault that is latched */
     uint16_t tick_max_us;
     uint16_t step_slips;
     uint64_t heard_us; /* last request of the host */

@@ -50,7 +50,8 @@ struct sim_config {
                             * lock in the main loop: shows races between the two. 0 none */
     uint32_t clock_start;  /* hal_time_now at power-up: to test its wrap-around */
     uint32_t flash_us;     /* time that a flash write takes */
-    bool pin_interrupts;   /* safety inputs also raise firmware_isr_pins */
+    bool pin_interrupts;   /* safety inputs raise firmware_isr_pins, the clock
+                              firmware_isr_clock_failure */
     bool encoder;          /* HAL_CAP_ENCODER */
     bool lossless_line;    /* bytes take no time: requests are answered one frame gap later */
     uint64_t seed;         /* of jitter and noise */

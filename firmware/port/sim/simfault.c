@@ -80,12 +80,18 @@ static void encoder_fault(struct sim *sim, enum sim_fault fault, double value) {
     }
 }
 
+static void clock_fault(struct sim *sim, bool bad) {
+    sim->clock_bad = bad;
+    if (bad && sim->config.pin_interrupts)
+        firmware_isr_clock_failure();
+}
+
 static void controller_fault(struct sim *sim, enum sim_fault fault, double value) {
     uint64_t us = (uint64_t)value;
     if (fault == SIM_FAULT_STACK)
         sim->stack_free = (uint16_t)value;
     else if (fault == SIM_FAULT_CLOCK)
-        sim->clock_bad = value != 0;
+        clock_fault(sim, value != 0);
     else if (fault == SIM_FAULT_TICK_LATE)
         sim->next_tick += us;
     else if (fault == SIM_FAULT_LOOP_HANG)

@@ -393,6 +393,29 @@ static void pin_interrupt_is_faster_than_the_tick(void **state) {
     sim_destroy(sim);
 }
 
+static void clock_failure_interrupt_stops_the_axes_too(void **state) {
+    (void)state;
+    struct sim_config config = simcart_config();
+    config.pin_interrupts = true;
+    struct sim *sim = simcart_commissioned(&config);
+    simcart_light(sim);
+    assert_int_equal(sim_write32(sim, REGMAP_ADDR_pan_target, 5000), 0);
+    sim_advance(sim, 100000);
+    uint64_t at_us = sim_now_us(sim) + 123;
+    assert_true(sim_fault_at(sim, SIM_FAULT_CLOCK, at_us, 1));
+    assert_true(sim_fault_at(sim, SIM_FAULT_CLOCK, at_us + 1, 0)); /* gone before the tick looks */
+    sim_advance_to(sim, at_us);
+    assert_false(sim_truth(sim).laser || sim_truth(sim).motors);
+    sim_advance(sim, 1000);
+    int64_t pulses = sim_truth(sim).pulses[HAL_PAN];
+    assert_int_equal(sim_write1(sim, REGMAP_ADDR_fault_clear, FAULT_CLOCK), 0);
+    assert_int_equal(sim_coil(sim, REGMAP_COIL_motor_enable, true), 0);
+    sim_advance(sim, 1000000);
+    assert_int_equal(sim_truth(sim).pulses[HAL_PAN], pulses);
+    assert_int_equal(sim_firmware(sim)->mirror.drive, 0);
+    sim_destroy(sim);
+}
+
 static void unit_address_changes_at_the_next_reset(void **state) {
     (void)state;
     struct sim *sim = fresh();
@@ -448,6 +471,7 @@ int main(void) {
         cmocka_unit_test(bits_tell_the_state),
         cmocka_unit_test(a_reset_switches_everything_off),
         cmocka_unit_test(pin_interrupt_is_faster_than_the_tick),
+        cmocka_unit_test(clock_failure_interrupt_stops_the_axes_too),
         cmocka_unit_test(unit_address_changes_at_the_next_reset),
         cmocka_unit_test(clock_that_wraps_is_not_noticed),
     };
