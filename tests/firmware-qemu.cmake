@@ -11,6 +11,8 @@ add_executable(controller_probe e2e/controller_probe.c)
 target_link_libraries(controller_probe PRIVATE scancart_flags fw_shared PkgConfig::MODBUS_TEST)
 scancart_test(test_same_steps SOURCES unit/firmware/test_same_steps.c DEPS fw_core LABELS "unit;firmware")
 
+scancart_test(test_motor SOURCES unit/test_motor.c DEPS sc_capture LABELS "unit;firmware")
+
 set(e2e "${CMAKE_CURRENT_SOURCE_DIR}/e2e")
 # Natively: fast, under sanitizers too.
 scancart_script_test(controller_cli COMMAND ${PYTHON_DEBIAN} ${e2e}/controller_cli.py sim

@@ -182,6 +182,37 @@ class Impostor:
             pass
 
 
+class SlowSlave:
+    """Answers reads with zeros (register 0: the map's version); the first answer comes too late."""
+
+    def __init__(self, late_s):
+        self.master, self.slave = pty.openpty()
+        tty.setraw(self.slave)
+        self.device, self.late_s, self.requests = os.ttyname(self.slave), late_s, 0
+        threading.Thread(target=self.serve, daemon=True).start()
+
+    def serve(self):
+        waiting = b""
+        while True:
+            waiting += os.read(self.master, 256)
+            while len(waiting) >= 8:  # all that is asked here has 8 bytes
+                request, waiting = waiting[:8], waiting[8:]
+                self.requests += 1
+                time.sleep(self.late_s if self.requests == 1 else 0.005)
+                size = 2 * request[5] if request[1] == 3 else (request[5] + 7) // 8
+                data = bytearray(size)
+                if request[1] == 3 and request[2:4] == bytes(2):
+                    data[1] = 1
+                reply = bytes([1, request[1], size]) + data
+                os.write(self.master, reply + crc(reply))
+
+
+def late_answers_are_not_taken_for_the_next(_):
+    slow = SlowSlave(late_s=0.3)
+    run("status", slow.device, "--timeout", "200")
+    assert slow.requests == 9, slow.requests  # identity, its repetition, seven of the status
+
+
 def tells_other_devices_from_a_controller(_):
     other = Impostor(bytes([0x83, 2]))
     assert "no scancart controller" in run("status", other.device, status=1)
@@ -220,7 +251,8 @@ WITH_CONTROLLER = [status_says_who_and_what, refuses_to_move_before_homing, home
                    ctrl_c_stops_the_motion, killed_program_leaves_a_safe_cart,
                    monitor_counts_index_events_without_a_loss]
 OF_THE_LINE = [names_a_device_that_is_not_there, names_the_udev_rule_when_not_allowed, names_a_port_in_use,
-               says_when_nobody_answers, tells_other_devices_from_a_controller, usage_errors_are_status_2,
+               says_when_nobody_answers, late_answers_are_not_taken_for_the_next,
+               tells_other_devices_from_a_controller, usage_errors_are_status_2,
                board_file_gives_the_line]
 
 

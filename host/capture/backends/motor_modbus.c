@@ -91,8 +91,12 @@ static int send_once(const struct line *line, const struct request *r) {
 static int transact(const struct line *line, const struct request *request, unsigned retries,
                     struct errctx *err) {
     for (unsigned attempt = 0;; attempt++) {
-        if (send_once(line, request) >= 0)
+        if (send_once(line, request) >= 0) {
+            if (attempt) /* this may have been the first one's late answer: the second's is on its
+                            way */
+                flush(line);
             return 0;
+        }
         int result = translate(line, errno, err);
         if (result > 0 || result == ST_IO)
             return result;

@@ -1,0 +1,22 @@
+/* The motor ops against the controller's own firmware on its simulated port, without a serial line:
+ * the requests are the same frames, time is virtual and passes only in a request or by
+ * sim_advance(). */
+#ifndef SC_CAPTURE_MOTOR_SIM_H
+#define SC_CAPTURE_MOTOR_SIM_H
+
+#include "capture/motor.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct sim;
+
+/* A motor on a simulation, which it does not own: it must outlive the motor and may be advanced and
+ * disturbed between calls. ST_NOMEM. */
+ST_MUST_CHECK enum st motor_sim_open(struct sim *sim, struct motor **out_motor, struct errctx *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
