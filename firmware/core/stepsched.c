@@ -35,11 +35,12 @@ void stepsched_alarm(struct firmware *fw) {
         struct axis *axis = &fw->axis[i];
         if (!axis_pending(axis) || ramp_due_us(&axis->ramp) > now_us)
             continue;
+        bool was_positive = axis->positive; /* of this step; the next may turn back */
         uint8_t switches = stepsched_switches(hal_safety_inputs(), (enum hal_axis)i);
         if (axis_step(axis, switches, now_us) && fw->step_slips < UINT16_MAX)
             fw->step_slips++;
         if (i == HAL_PAN) {
-            strobe_pan(&fw->strobe, axis->position, now_us);
+            strobe_pan(&fw->strobe, axis->position, was_positive, now_us);
             scanprog_pan(&fw->scan, axis, now_us);
         }
     }

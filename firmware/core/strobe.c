@@ -22,8 +22,8 @@ void strobe_trigger(struct strobe *strobe, int32_t pan, uint64_t now_us) {
     strobe->trigger_us = now_us;
 }
 
-void strobe_pan(struct strobe *strobe, int32_t pan, uint64_t now_us) {
-    if (!strobe->left || pan != strobe->next_pan)
+void strobe_pan(struct strobe *strobe, int32_t pan, bool positive, uint64_t now_us) {
+    if (!strobe->left || pan != strobe->next_pan || positive != (strobe->interval >= 0))
         return;
     strobe->left--;
     /* Wraps only after 2^31 steps, which no axis can reach: registers bound first and interval *

@@ -21,8 +21,9 @@ void strobe_init(struct strobe *strobe);
 void strobe_arm(struct strobe *strobe, int32_t first, int32_t interval, uint16_t number);
 void strobe_disarm(struct strobe *strobe);
 
-/* Pan has made a step to `pan`: triggers if that is the next position. Step interrupt. */
-void strobe_pan(struct strobe *strobe, int32_t pan, uint64_t now_us);
+/* Pan has made a step to `pan`: triggers if that is the next position and it moves the interval's
+ * way (so that a run-up does not trigger). Step interrupt. */
+void strobe_pan(struct strobe *strobe, int32_t pan, bool positive, uint64_t now_us);
 
 /* One trigger now. Interrupts or under the lock. */
 void strobe_trigger(struct strobe *strobe, int32_t pan, uint64_t now_us);

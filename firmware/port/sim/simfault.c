@@ -108,23 +108,60 @@ static void controller_fault(struct sim *sim, enum sim_fault fault, double value
         sim_reset(sim, RESETCAUSE_POWER);
 }
 
-static void apply(struct sim *sim, enum sim_fault fault, double value) {
+static void chain_fault(struct sim *sim, enum sim_fault fault, bool on) {
+    uint32_t input = fault == SIM_FAULT_ESTOP       ? HAL_IN_ESTOP_CLOSED
+                     : fault == SIM_FAULT_INTERLOCK ? HAL_IN_INTERLOCK_CLOSED
+                                                    : HAL_IN_DOOR_CLOSED;
+    sim_chain(sim, input, !on);
+}
+
+static void index_fault(struct sim *sim, enum sim_fault fault, double value) {
+    if (fault == SIM_FAULT_INDEX_MISSING) {
+        sim->index_skip = (uint32_t)value;
+    } else {
+        sim->index_extra = true;
+        sim->index_us = (double)sim->now_us;
+    }
+}
+
+static void axis_fault(struct sim *sim, enum sim_fault fault, double value) {
     bool on = value != 0;
+    if (fault == SIM_FAULT_PAN_STALL)
+        sim->axis[HAL_PAN].blocked = on;
+    else if (fault == SIM_FAULT_TILT_STALL)
+        sim->axis[HAL_TILT].blocked = on;
+    else if (fault == SIM_FAULT_PAN_MISSED)
+        sim->axis[HAL_PAN].lose = (uint32_t)value;
+    else if (fault == SIM_FAULT_PAN_LIMIT)
+        force(sim, HAL_IN_PAN_LIMIT_MAX, on);
+    else if (fault == SIM_FAULT_TILT_LIMIT)
+        force(sim, HAL_IN_TILT_LIMIT_MAX, on);
+    else
+        sim->home_dead = on;
+}
+
+static void device_fault(struct sim *sim, enum sim_fault fault, double value) {
+    bool on = value != 0;
+    if (fault == SIM_FAULT_OVER_TEMP)
+        sim_temperature(sim, value);
+    else if (fault == SIM_FAULT_TEMP_SENSOR)
+        sim->temp_broken = on;
+    else if (fault == SIM_FAULT_LASER_STUCK)
+        sim->laser_stuck = on;
+    else if (fault == SIM_FAULT_LINE_NOISE)
+        sim->line_noise = value;
+    else if (fault == SIM_FAULT_LINE_CUT)
+        sim->line_cut = on;
+    else
+        sim->strobe_skip = (uint32_t)value;
+}
+
+static void apply(struct sim *sim, enum sim_fault fault, double value) {
     switch (fault) {
     case SIM_FAULT_ESTOP:
-        sim_chain(sim, HAL_IN_ESTOP_CLOSED, !on);
-        break;
     case SIM_FAULT_INTERLOCK:
-        sim_chain(sim, HAL_IN_INTERLOCK_CLOSED, !on);
-        break;
     case SIM_FAULT_DOOR:
-        sim_chain(sim, HAL_IN_DOOR_CLOSED, !on);
-        break;
-    case SIM_FAULT_OVER_TEMP:
-        sim_temperature(sim, value);
-        break;
-    case SIM_FAULT_TEMP_SENSOR:
-        sim->temp_broken = on;
+        chain_fault(sim, fault, value != 0);
         break;
     case SIM_FAULT_MIRROR_BRAKE:
     case SIM_FAULT_MIRROR_STALL:
@@ -132,45 +169,28 @@ static void apply(struct sim *sim, enum sim_fault fault, double value) {
         mirror_fault(sim, fault, value);
         break;
     case SIM_FAULT_INDEX_MISSING:
-        sim->index_skip = (uint32_t)value;
-        break;
     case SIM_FAULT_INDEX_EXTRA:
-        sim->index_extra = true;
-        sim->index_us = (double)sim->now_us;
+        index_fault(sim, fault, value);
         break;
     case SIM_FAULT_ENCODER_SLIP:
     case SIM_FAULT_ENCODER_DEAD:
         encoder_fault(sim, fault, value);
         break;
     case SIM_FAULT_PAN_STALL:
-        sim->axis[HAL_PAN].blocked = on;
-        break;
     case SIM_FAULT_PAN_MISSED:
-        sim->axis[HAL_PAN].lose = (uint32_t)value;
-        break;
     case SIM_FAULT_TILT_STALL:
-        sim->axis[HAL_TILT].blocked = on;
-        break;
     case SIM_FAULT_PAN_LIMIT:
-        force(sim, HAL_IN_PAN_LIMIT_MAX, on);
-        break;
     case SIM_FAULT_TILT_LIMIT:
-        force(sim, HAL_IN_TILT_LIMIT_MAX, on);
-        break;
     case SIM_FAULT_HOME_DEAD:
-        sim->home_dead = on;
+        axis_fault(sim, fault, value);
         break;
+    case SIM_FAULT_OVER_TEMP:
+    case SIM_FAULT_TEMP_SENSOR:
     case SIM_FAULT_LASER_STUCK:
-        sim->laser_stuck = on;
-        break;
     case SIM_FAULT_LINE_NOISE:
-        sim->line_noise = value;
-        break;
     case SIM_FAULT_LINE_CUT:
-        sim->line_cut = on;
-        break;
     case SIM_FAULT_STROBE_MISSING:
-        sim->strobe_skip = (uint32_t)value;
+        device_fault(sim, fault, value);
         break;
     case SIM_FAULT_STACK:
     case SIM_FAULT_CLOCK:

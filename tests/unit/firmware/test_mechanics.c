@@ -539,10 +539,18 @@ static void camera_triggers_at_pan_positions_and_latches_the_strobe(void **state
     assert_int_equal(sim_write32(sim, REGMAP_ADDR_camera_interval, 700), 0);
     assert_int_equal(sim_write1(sim, REGMAP_ADDR_camera_number, 4), 0);
     assert_int_equal(sim_coil(sim, REGMAP_COIL_camera_auto, true), 0);
+    assert_int_equal(sim_write32(sim, REGMAP_ADDR_pan_target, 900), 0);
+    simcart_settle(sim);
     assert_int_equal(sim_write32(sim, REGMAP_ADDR_pan_target, 6000), 0);
     simcart_settle(sim);
     simcart_wait(sim, 100000);
     assert_int_equal(camera.triggers, 4);
+    /* armed again at a place that is passed in negative direction only: nothing */
+    assert_int_equal(sim_coil(sim, REGMAP_COIL_camera_auto, true), 0);
+    assert_int_equal(sim_write32(sim, REGMAP_ADDR_pan_target, 500), 0);
+    simcart_settle(sim);
+    assert_int_equal(camera.triggers, 4);
+    assert_int_equal(sim_coil(sim, REGMAP_COIL_camera_auto, false), 0);
     for (int i = 0; i < 4; i++)
         assert_int_equal(camera.trigger_pan[i], 1000 + 700 * i);
     assert_int_equal(simcart_get32(sim, REGMAP_ADDR_trigger_count), 4);
