@@ -6,6 +6,17 @@
 #define MAGIC  0x53434152u /* "SCAR" */
 #define HEADER 8u
 
+/* Words of all commissioning values; commission_save itself is not stored. */
+enum {
+    STORED_WORDS = 0
+#define REG_HOLDING(name, address, type, unit, scale, access, min, max, initial, doc)              \
+    +(REGMAP_##access == REGMAP_COM ? REGMAP_SIZE_##type : 0)
+#include "firmware/shared/regmap.def"
+                   - 1
+};
+#define RECORD (HEADER + 2u * STORED_WORDS + 4u)
+_Static_assert(RECORD <= HAL_FLASH_SIZE, "the record must fit what every port keeps");
+
 uint32_t commission_crc32(const uint8_t *bytes, unsigned count) {
     uint32_t crc = 0xffffffffu;
     for (unsigned i = 0; i < count; i++) {
@@ -40,7 +51,7 @@ static uint32_t get32(const uint8_t *bytes) {
 
 /* The record of `holding`; returns its length. Values in order of the table, each in its own size.
  */
-static unsigned build(const struct regmap_holding *holding, uint8_t out_record[HAL_FLASH_SIZE]) {
+static void build(const struct regmap_holding *holding, uint8_t out_record[RECORD]) {
     unsigned at = HEADER;
     for (unsigned row = 0; row < REGMAP_HOLDING_COUNT_; row++) {
         const struct regmap_entry *entry = &regmap_holdings[row];
@@ -58,7 +69,6 @@ static unsigned build(const struct regmap_holding *holding, uint8_t out_record[H
     put16(out_record + 4, REGMAP_VERSION);
     put16(out_record + 6, (at - HEADER) / 2);
     put32(out_record + at, commission_crc32(out_record, at));
-    return at + 4;
 }
 
 /* The value at `*at`, sign-extended by its type. */
@@ -72,18 +82,18 @@ static int64_t take(uint8_t type, const uint8_t *record, unsigned *at) {
 }
 
 enum commission_state commission_load(struct regmap_holding *holding) {
-    uint8_t record[HAL_FLASH_SIZE], expected[HAL_FLASH_SIZE];
-    unsigned count = build(holding, expected); /* for its length */
-    hal_flash_read(record, count);
+    uint8_t record[RECORD], expected[RECORD];
+    build(holding, expected); /* for its header */
+    hal_flash_read(record, RECORD);
     bool erased = true;
-    for (unsigned i = 0; i < count; i++)
+    for (unsigned i = 0; i < RECORD; i++)
         erased = erased && record[i] == 0xff;
     if (erased)
         return COMMISSION_DEFAULTS;
     for (unsigned i = 0; i < HEADER; i++)
         if (record[i] != expected[i])
             return COMMISSION_DAMAGED;
-    if (get32(record + count - 4) != commission_crc32(record, count - 4))
+    if (get32(record + RECORD - 4) != commission_crc32(record, RECORD - 4))
         return COMMISSION_DAMAGED;
     struct regmap_holding loaded = *holding;
     unsigned at = HEADER;
@@ -101,7 +111,7 @@ enum commission_state commission_load(struct regmap_holding *holding) {
 }
 
 bool commission_save(const struct regmap_holding *holding) {
-    uint8_t record[HAL_FLASH_SIZE];
-    unsigned count = build(holding, record);
-    return hal_flash_write(record, count);
+    uint8_t record[RECORD];
+    build(holding, record);
+    return hal_flash_write(record, RECORD);
 }
