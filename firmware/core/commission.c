@@ -49,8 +49,7 @@ static uint32_t get32(const uint8_t *bytes) {
     return get16(bytes) << 16 | get16(bytes + 2);
 }
 
-/* The record of `holding`; returns its length. Values in order of the table, each in its own size.
- */
+/* The record of `holding`: values in order of the table, each in its own size. */
 static void build(const struct regmap_holding *holding, uint8_t out_record[RECORD]) {
     unsigned at = HEADER;
     for (unsigned row = 0; row < REGMAP_HOLDING_COUNT_; row++) {
