@@ -15,6 +15,7 @@ struct camera_sim camera_sim_at(const struct camera *camera, const struct pose *
 /* Sums over a pixel. */
 struct pixel {
     float albedo[3], direct[3], indirect[3], added[3], normal[3], depth_m;
+    float luminance2; /* sum of squares of the direct light's luminance */
     int lit, surfaces;
 };
 
@@ -36,10 +37,9 @@ static void see(const struct scene *scene, const struct camera_sim *sim, struct 
     }
     if (!s.found)
         return;
-    float body =
-        s.kind == MATERIAL_METAL
-            ? 0
-            : (float)(1 - material_fresnel((double)s.material.f0, -vec3_dot(s.normal, dir)));
+    double mirrored = material_fresnel_rough((double)s.material.f0, (double)s.material.roughness,
+                                             -vec3_dot(s.hit.shading, dir));
+    float body = s.kind == MATERIAL_METAL ? 0 : (float)(1 - mirrored);
     for (int i = 0; i < 3; i++)
         px->albedo[i] += s.through[i] * body * s.material.rgb[i];
     px->normal[0] += (float)s.hit.shading.x;
@@ -57,6 +57,8 @@ static void see(const struct scene *scene, const struct camera_sim *sim, struct 
         float m = s.through[i] * light.mirrored[i], limit = (float)(30 * scene->exposure);
         px->added[i] += (m > limit ? limit : m) * (float)gather;
     }
+    float l = 0.2126f * light.direct[0] + 0.7152f * light.direct[1] + 0.0722f * light.direct[2];
+    px->luminance2 += l * l;
     px->lit++;
 }
 
@@ -87,6 +89,12 @@ static void expose_pixel(const struct scene *scene, const struct camera_sim *sim
         film->direct[3 * at + i] = px.direct[i] * per_lit;
         film->indirect[3 * at + i] = px.indirect[i] * per_lit;
     }
+    if (px.lit > 1) { /* variance of the mean */
+        const float *d = film->direct + 3 * at;
+        float mean = 0.2126f * d[0] + 0.7152f * d[1] + 0.0722f * d[2];
+        float spread = px.luminance2 * per_lit - mean * mean;
+        film->variance[at] = (spread > 0 ? spread : 0) / (float)(px.lit - 1);
+    }
     float length = sqrtf(px.normal[0] * px.normal[0] + px.normal[1] * px.normal[1] +
                          px.normal[2] * px.normal[2]);
     for (size_t i = 0; i < 3; i++)
@@ -103,7 +111,7 @@ enum st camera_sim_render(const struct scene *scene, const struct camera_sim *si
     struct film film = {.width_px = sim->camera.width_px, .height_px = sim->camera.height_px};
     size_t pixels = (size_t)film.width_px * (size_t)film.height_px;
     st = image_u8_create(&image, film.width_px, film.height_px, 3);
-    float *planes = st ? NULL : calloc(pixels * 19, sizeof *planes);
+    float *planes = st ? NULL : calloc(pixels * 20, sizeof *planes);
     if (!planes) {
         image_u8_destroy(&image);
         return errctx_set(err, ST_NOMEM, "simulated camera: no memory for %d x %d pixels",
@@ -116,6 +124,7 @@ enum st camera_sim_render(const struct scene *scene, const struct camera_sim *si
     film.normal = planes + pixels * 12;
     film.scratch = planes + pixels * 15;
     film.depth_m = planes + pixels * 18;
+    film.variance = planes + pixels * 19;
 #pragma omp parallel for schedule(dynamic, 2)
     for (int y = 0; y < film.height_px; y++)
         for (int x = 0; x < film.width_px; x++)

@@ -13,14 +13,17 @@ struct film {
     float *albedo; /* what the light falls on, through glass */
     float *direct; /* irradiance / pi */
     float *indirect;
-    float *added;   /* light that is there already: lamps, sky, mirrored */
-    float *normal;  /* [..][3] */
-    float *depth_m; /* [..]; 0 where there is no surface */
-    float *scratch; /* [..][3] */
+    float *added;    /* light that is there already: lamps, sky, mirrored */
+    float *normal;   /* [..][3] */
+    float *depth_m;  /* [..]; 0 where there is no surface */
+    float *variance; /* [..] of the luminance of `direct`, as its samples show it */
+    float *scratch;  /* [..][3] */
 };
 
-/* Smooths the light, not the picture: `indirect` widely, `direct` a little, across pixels of like
- * normal and depth only (edge-avoiding a-trous wavelets, Dammertz et al. 2010). */
+/* Smooths the light, not the picture, across pixels of like normal and depth only: single pixels
+ * that stick out are clipped to their neighbours; `indirect` is smoothed widely, `direct` as far as
+ * its own noise asks for (edge-avoiding a-trous wavelets, Dammertz et al. 2010, steered by
+ * variance, Schied et al. 2017). */
 void film_filter(struct film *film);
 
 /* albedo * (direct + indirect) + added into `direct`, then glare from what is brighter than white.

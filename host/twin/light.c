@@ -63,8 +63,12 @@ void light_sky(const struct scene *scene, struct vec3 dir, double factor, float 
 /* A random point's direction, distance, and unshadowed irradiance on n. */
 static int lamp_sample(const struct scene_light *light, struct vec3 p, struct vec3 n,
                        struct rng *rng, struct vec3 *dir, double *distance_m, double e[3]) {
-    struct vec3 to = vec3_sub(light->position_m, p);
-    to = vec3_madd(to, rng_direction(rng), light->radius_m);
+    struct vec3 to = vec3_sub(light->position_m, p), off = rng_direction(rng);
+    if (light->cos_outer > -1) /* a spot is a disc before its housing */
+        off = vec3_madd(off, light->dir, -vec3_dot(off, light->dir));
+    else if (vec3_dot(off, to) > 0) /* a ball shows its near half */
+        off = vec3_scale(off, -1);
+    to = vec3_madd(to, off, light->radius_m);
     double d2 = vec3_dot(to, to), d = sqrt(d2);
     if (d < 1e-4)
         return 0;
@@ -102,6 +106,31 @@ static int blocked(const struct scene *scene, struct vec3 p, struct vec3 normal,
         ray.t_min_m = hit.t_m + off_m;
     }
     return 1;
+}
+
+/* Lamps seen in a mirror direction: the radiance of those whose ball the ray meets, blurred by
+ * `blur` (rad), over the visibility. */
+static void glints(const struct scene *scene, struct vec3 p, struct vec3 normal, struct vec3 dir,
+                   double blur, double factor, float out[3]) {
+    for (size_t l = 0; l < scene->light_count; l++) {
+        const struct scene_light *light = &scene->light[l];
+        struct vec3 to = vec3_sub(light->position_m, p);
+        double d = vec3_norm(to), cos_off = vec3_dot(to, dir) / d;
+        if (!(cos_off > 0.9) || d < 0.05)
+            continue;
+        double size = light->radius_m / d + blur, off = sqrt(2 * (1 - (cos_off < 1 ? cos_off : 1)));
+        double cone =
+            light->cos_outer > -1 && -vec3_dot(to, light->dir) / d < light->cos_outer ? 0.05 : 1;
+        double k = 1 - off / size;
+        if (k <= 0 || blocked(scene, p, normal, vec3_scale(to, 1 / d), d))
+            continue;
+        /* intensity / (pi size^2 d^2) is the radiance of a disc of that angular size */
+        k = cone * (k < 0.3 ? k / 0.3 : 1) / (pi * size * size * d * d);
+        for (int i = 0; i < 3; i++) {
+            double limit = 40 * scene->exposure, v = factor * light->rgb[i] * k;
+            out[i] += (float)(v > limit ? limit : v);
+        }
+    }
 }
 
 /* What a glossy surface sends towards -dir of light from `to` (GGX, Walter et al. 2007), over the
@@ -233,8 +262,9 @@ void light_look(const struct scene *scene, const struct trace_ray *ray, double f
             return;
         double f = material_fresnel((double)out->material.f0, -vec3_dot(out->normal, on.dir));
         if (pane < 2) {
-            glimpse(scene, ray_from(hit.p_m, hit.normal, mirror(on.dir, out->normal), 1e6), factor,
-                    rng, light);
+            struct vec3 back = mirror(on.dir, out->normal);
+            glimpse(scene, ray_from(hit.p_m, hit.normal, back, 1e6), factor, rng, light);
+            glints(scene, hit.p_m, hit.normal, back, 0.006, factor, light);
             add_scaled(out->added, light, out->through, (float)f);
         }
         for (int i = 0; i < 3; i++)
@@ -278,7 +308,7 @@ void light_gather(const struct scene *scene, const struct light_surface *surface
             out->indirect[i] = out->indirect[i] > limit ? limit : out->indirect[i];
         }
     }
-    double f = material_fresnel((double)s->material.f0, cos_v);
+    double f = material_fresnel_rough((double)s->material.f0, (double)s->material.roughness, cos_v);
     double smooth = 1 - (double)s->material.roughness / 0.45;
     if (smooth > 0 && f * smooth > 0.005) {
         glimpse(scene, ray_from(s->hit.p_m, s->hit.normal, rough_mirror(s, rng), 1e6), factor, rng,

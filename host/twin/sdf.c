@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 /* Cells of a block that is evaluated or skipped as a whole. */
-enum { BLOCK = 8 };
+enum { BLOCK = 16 };
 static const size_t max_points = (size_t)1 << 28;
 
 struct grid {
@@ -12,8 +12,9 @@ struct grid {
     int n[3];        /* points along each axis, a multiple of BLOCK plus 1 */
     float origin[3]; /* of point 0 0 0 */
     float cell;
-    float *value;    /* [n2][n1][n0] */
-    int32_t *vertex; /* vertex in each cell, -1 none */
+    float *value;        /* [n2][n1][n0] */
+    int32_t *vertex;     /* vertex in each cell, from 0; -1 none */
+    int32_t vertex_base; /* number in the mesh of vertex 0 */
 };
 
 static size_t at(const struct grid *g, int x, int y, int z) {
@@ -24,36 +25,45 @@ static float evaluate(const struct grid *g, float x, float y, float z) {
     return g->job->distance(g->job->ctx, sdf_at(x, y, z));
 }
 
-/* Values at the points of one block (its upper faces belong to the next blocks, or to the border).
- */
-static void fill_block(const struct grid *g, int bx, int by, int bz) {
-    float half = 0.5f * BLOCK * g->cell;
-    float cx = g->origin[0] + (float)bx * BLOCK * g->cell + half;
-    float cy = g->origin[1] + (float)by * BLOCK * g->cell + half;
-    float cz = g->origin[2] + (float)bz * BLOCK * g->cell + half;
+/* Values at the points of a cube of `size` cells (its upper faces belong to the next cubes, or to
+ * the border). A cube that the surface cannot reach gets the value of its middle, which has the
+ * right sign; one that it may reach is cut into eight, down to 4 cells, then evaluated point by
+ * point. */
+static void fill_cube(const struct grid *g, int x0, int y0, int z0, int size) {
+    float half = 0.5f * (float)size * g->cell;
+    float cx = g->origin[0] + (float)x0 * g->cell + half;
+    float cy = g->origin[1] + (float)y0 * g->cell + half;
+    float cz = g->origin[2] + (float)z0 * g->cell + half;
     float centre = evaluate(g, cx, cy, cz);
-    /* 1.8 > sqrt(3): the block's corner, with a margin of a cell for the neighbours */
+    /* 1.8 > sqrt(3): the cube's corner, with a margin of a cell for the neighbours */
     int far = fabsf(centre) > (float)g->job->slack * (1.8f * half + 2 * g->cell);
-    int x1 = (bx + 1) * BLOCK == g->n[0] - 1 ? BLOCK + 1 : BLOCK;
-    int y1 = (by + 1) * BLOCK == g->n[1] - 1 ? BLOCK + 1 : BLOCK;
-    int z1 = (bz + 1) * BLOCK == g->n[2] - 1 ? BLOCK + 1 : BLOCK;
-    for (int z = 0; z < z1; z++)
-        for (int y = 0; y < y1; y++)
-            for (int x = 0; x < x1; x++) {
-                int ix = bx * BLOCK + x, iy = by * BLOCK + y, iz = bz * BLOCK + z;
-                g->value[at(g, ix, iy, iz)] = far ? centre
-                                                  : evaluate(g, g->origin[0] + (float)ix * g->cell,
-                                                             g->origin[1] + (float)iy * g->cell,
-                                                             g->origin[2] + (float)iz * g->cell);
-            }
+    if (!far && size > 4) {
+        for (int i = 0; i < 8; i++)
+            fill_cube(g, x0 + (i & 1) * size / 2, y0 + (i >> 1 & 1) * size / 2,
+                      z0 + (i >> 2) * size / 2, size / 2);
+        return;
+    }
+    int x1 = x0 + size + (x0 + size == g->n[0] - 1), y1 = y0 + size + (y0 + size == g->n[1] - 1);
+    int z1 = z0 + size + (z0 + size == g->n[2] - 1);
+    for (int z = z0; z < z1; z++)
+        for (int y = y0; y < y1; y++)
+            for (int x = x0; x < x1; x++)
+                g->value[at(g, x, y, z)] = far ? centre
+                                               : evaluate(g, g->origin[0] + (float)x * g->cell,
+                                                          g->origin[1] + (float)y * g->cell,
+                                                          g->origin[2] + (float)z * g->cell);
 }
 
-static struct vec3 gradient(const struct grid *g, float x, float y, float z) {
-    float e = 0.25f * g->cell;
-    return vec3_make(
-        (double)(evaluate(g, x + e, y, z) - evaluate(g, x - e, y, z)) / (2 * (double)e),
-        (double)(evaluate(g, x, y + e, z) - evaluate(g, x, y - e, z)) / (2 * (double)e),
-        (double)(evaluate(g, x, y, z + e) - evaluate(g, x, y, z - e)) / (2 * (double)e));
+/* Gradient and value from four evaluations at the corners of a small tetrahedron. */
+static struct vec3 gradient(const struct grid *g, float x, float y, float z, double *value) {
+    float e = 0.2f * g->cell;
+    double a = (double)evaluate(g, x + e, y - e, z - e),
+           b = (double)evaluate(g, x - e, y - e, z + e);
+    double c = (double)evaluate(g, x - e, y + e, z - e),
+           d = (double)evaluate(g, x + e, y + e, z + e);
+    double k = 0.25 / (double)e;
+    *value = 0.25 * (a + b + c + d);
+    return vec3_make(k * (a - b - c + d), k * (c - a - b + d), k * (b - a - c + d));
 }
 
 /* Mean of the sign changes on the edges of a cell, in cells from its corner; false if there are
@@ -85,32 +95,79 @@ static int crossing(const struct grid *g, int x, int y, int z, float out[3]) {
     return 1;
 }
 
-/* A vertex for the cell, on the surface. */
-static void place(const struct shaper *s, const struct grid *g, int x, int y, int z) {
-    float in[3];
-    if (!crossing(g, x, y, z, in))
-        return;
+struct placed {
+    float p[3], normal[3]; /* local frame */
+};
+
+/* A vertex for the cell with the crossing at `in`, moved onto the surface. */
+static struct placed place(const struct grid *g, int x, int y, int z, const float in[3]) {
     float p[3] = {g->origin[0] + ((float)x + in[0]) * g->cell,
                   g->origin[1] + ((float)y + in[1]) * g->cell,
                   g->origin[2] + ((float)z + in[2]) * g->cell};
-    struct vec3 n = gradient(g, p[0], p[1], p[2]);
+    double value = 0;
+    struct vec3 n = gradient(g, p[0], p[1], p[2], &value);
     double g2 = vec3_dot(n, n);
     if (g2 > 1e-6) { /* one Newton step, no further than half a cell */
-        double d = (double)evaluate(g, p[0], p[1], p[2]), limit = 0.5 * (double)g->cell;
-        double step = d / sqrt(g2);
+        double limit = 0.5 * (double)g->cell, step = value / sqrt(g2);
         step = step > limit ? limit : step < -limit ? -limit : step;
         struct vec3 u = vec3_scale(n, 1 / sqrt(g2));
         p[0] -= (float)(step * u.x);
         p[1] -= (float)(step * u.y);
         p[2] -= (float)(step * u.z);
-        n = gradient(g, p[0], p[1], p[2]);
+        n = gradient(g, p[0], p[1], p[2], &value);
     }
     double norm = vec3_norm(n);
-    struct vec3 normal = norm > 1e-6 ? vec3_scale(n, 1 / norm) : vec3_make(0, 0, 0);
-    struct vec3 world =
-        pose_apply(&s->world_from_local, vec3_make((double)p[0], (double)p[1], (double)p[2]));
-    g->vertex[at(g, x, y, z)] =
-        (int32_t)mesh_vertex(s->mesh, world, mat3_mulv(&s->world_from_local.r, normal));
+    struct vec3 u = norm > 1e-6 ? vec3_scale(n, 1 / norm) : vec3_make(0, 0, 0);
+    struct placed v = {{p[0], p[1], p[2]}, {(float)u.x, (float)u.y, (float)u.z}};
+    return v;
+}
+
+/* Vertices of one slab of cells: counts them (out NULL), or writes them and their numbers from
+ * `first` on. */
+static int32_t slab(const struct grid *g, int z, int32_t first, struct placed *out) {
+    int32_t count = 0;
+    for (int y = 0; y < g->n[1] - 1; y++)
+        for (int x = 0; x < g->n[0] - 1; x++) {
+            float in[3];
+            int here = crossing(g, x, y, z, in);
+            if (out && here)
+                out[first + count] = place(g, x, y, z, in);
+            g->vertex[at(g, x, y, z)] = here ? first + count : -1;
+            count += here;
+        }
+    return count;
+}
+
+/* All vertices, computed in parallel, added to the mesh in the order of the cells. */
+static enum st place_all(const struct shaper *s, struct grid *g) {
+    int slabs = g->n[2] - 1;
+    int32_t *first = calloc((size_t)slabs + 1, sizeof *first);
+    if (!first)
+        return ST_NOMEM;
+#pragma omp parallel for schedule(dynamic, 4)
+    for (int z = 0; z < slabs; z++)
+        first[z + 1] = slab(g, z, 0, NULL);
+    for (int z = 0; z < slabs; z++)
+        first[z + 1] += first[z];
+    struct placed *placed = malloc(((size_t)first[slabs] + 1) * sizeof *placed);
+    if (!placed) {
+        free(first);
+        return ST_NOMEM;
+    }
+#pragma omp parallel for schedule(dynamic, 4)
+    for (int z = 0; z < slabs; z++)
+        (void)slab(g, z, first[z], placed);
+    g->vertex_base = (int32_t)s->mesh->vertex_count;
+    const struct pose *w = &s->world_from_local;
+    for (int32_t i = 0; i < first[slabs]; i++) {
+        const float *p = placed[i].p, *n = placed[i].normal;
+        struct vec3 q = vec3_make((double)p[0], (double)p[1], (double)p[2]);
+        struct vec3 m = vec3_make((double)n[0], (double)n[1], (double)n[2]);
+        (void)mesh_vertex(s->mesh, pose_apply(w, q), mat3_mulv(&w->r, m));
+    }
+    free(placed);
+    free(first);
+    return s->mesh->st;
 }
 
 /* The vertex where the clip function changes sign between a and b, linearly. */
@@ -180,6 +237,7 @@ static void connect(const struct shaper *s, const struct grid *g, int x, int y, 
                      c[1] < g->n[1] - 1 && c[2] < g->n[2] - 1;
             q[k] = in ? g->vertex[at(g, c[0], c[1], c[2])] : -1;
             whole = whole && q[k] >= 0;
+            q[k] += g->vertex_base;
         }
         if (!whole)
             continue;
@@ -197,13 +255,10 @@ static void polygonise(const struct shaper *s, struct grid *g) {
     int blocks = b0 * b1 * b2;
 #pragma omp parallel for schedule(dynamic, 16)
     for (int b = 0; b < blocks; b++)
-        fill_block(g, b % b0, b / b0 % b1, b / b0 / b1);
-    for (int z = 0; z < g->n[2] - 1; z++)
-        for (int y = 0; y < g->n[1] - 1; y++)
-            for (int x = 0; x < g->n[0] - 1; x++) {
-                g->vertex[at(g, x, y, z)] = -1;
-                place(s, g, x, y, z);
-            }
+        fill_cube(g, b % b0 * BLOCK, b / b0 % b1 * BLOCK, b / b0 / b1 * BLOCK, BLOCK);
+    enum st st = place_all(s, g);
+    if (st && !s->mesh->st)
+        s->mesh->st = st;
     if (s->mesh->st)
         return;
     for (int z = 0; z < g->n[2]; z++)
