@@ -155,7 +155,7 @@ static void print_axis(const char *name, const struct motor_axis_status *axis) {
 }
 
 static const char *chain(uint16_t inputs, enum regmap_discrete bit) {
-    return inputs >> bit & 1u ? "closed" : "OPEN";
+    return (unsigned)inputs >> bit & 1u ? "closed" : "OPEN";
 }
 
 static void print_fault(const struct motor_status *status) {
