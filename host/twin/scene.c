@@ -107,7 +107,7 @@ enum st scene_create(const char *name, uint64_t seed, double detail, struct scen
     enum st st = scene_allocate(&scene, err);
     if (st)
         return st;
-    (void)snprintf(scene->name, sizeof scene->name, "%s", name);
+    strncat(scene->name, kind->name, sizeof scene->name - 1);
     scene->seed = seed;
     kind->build(scene, detail);
     st = scene_finish(scene, err);
