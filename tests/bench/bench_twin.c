@@ -1,5 +1,6 @@
-/* How fast the simulated head is: rays/s and samples/s of a 180 x 90 degree panorama at 20 samples a degree with 4 rays
- * a sample, and packets decoded per second. Usage: bench_twin [SCENE] [FRACTION] */
+/* How fast the simulated head is: rays/s and samples/s of a 180 x 90 degree panorama at 20 samples
+ * a degree with 4 rays a sample, and packets decoded per second. Usage: bench_twin [SCENE]
+ * [FRACTION] */
 #include "base/clock.h"
 #include "base/head_packet.h"
 #include "twin/optics.h"
@@ -15,7 +16,8 @@ static double seconds_since(int64_t t_ns) {
 }
 
 /* Shoots the panorama; returns the number of echoes so that nothing is optimised away. */
-static long panorama(const struct scene *scene, const struct optics *optics, int columns, int rows) {
+static long panorama(const struct scene *scene, const struct optics *optics, int columns,
+                     int rows) {
     long echoes = 0;
     struct vec3 origin = {scene->stand[0].position_m.x, scene->stand[0].position_m.y, 1.6};
 #pragma omp parallel for schedule(dynamic, 8) reduction(+ : echoes)
@@ -24,7 +26,8 @@ static long panorama(const struct scene *scene, const struct optics *optics, int
             double az = 180 * deg * column / columns, el = (90.0 * row / rows - 45) * deg;
             struct optics_beam beam = {.origin_m = origin,
                                        .dir = {cos(el) * cos(az), cos(el) * sin(az), sin(el)}};
-            beam.sweep = vec3_scale(vec3_make(-sin(el) * cos(az), -sin(el) * sin(az), cos(el)), 1e-3);
+            beam.sweep =
+                vec3_scale(vec3_make(-sin(el) * cos(az), -sin(el) * sin(az), cos(el)), 1e-3);
             struct rng rng = rng_stream(1, (uint64_t)column * 100000 + (uint64_t)row);
             struct optics_echo echo;
             struct optics_reading reading;
@@ -79,9 +82,10 @@ int main(int argc, char **argv) {
     start_ns = clock_now_ns();
     long echoes = panorama(scene, &optics, columns, rows);
     double took_s = seconds_since(start_ns), samples = (double)columns * rows;
-    (void)printf("180 x 90 deg at 20/deg  %6.2f s%s, %.2f M samples/s, %.2f M rays/s (%ld echoes)\n",
-                 took_s / fraction, fraction < 1 ? " (extrapolated)" : "", samples / took_s * 1e-6,
-                 samples * optics.rays / took_s * 1e-6, echoes);
+    (void)printf(
+        "180 x 90 deg at 20/deg  %6.2f s%s, %.2f M samples/s, %.2f M rays/s (%ld echoes)\n",
+        took_s / fraction, fraction < 1 ? " (extrapolated)" : "", samples / took_s * 1e-6,
+        samples * optics.rays / took_s * 1e-6, echoes);
     decode();
     scene_destroy(scene);
     return 0;

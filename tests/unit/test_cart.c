@@ -1,5 +1,6 @@
-/* The simulated cart: with everything switched off its samples are exact; what it sends is well formed; every fault shows
- * where it should. */
+/* The simulated cart: with everything switched off its samples are exact; what it sends is well
+ * formed; every fault shows where it should. */
+#include "base/sweep.h"
 #include "twin/cart.h"
 
 #include <setjmp.h>
@@ -39,7 +40,8 @@ static enum st keep_packet(void *ctx, const struct cart_packet *packet, struct e
     return ST_OK;
 }
 
-static enum st keep_index(void *ctx, const struct idxevent *event, int64_t t_host_ns, struct errctx *err) {
+static enum st keep_index(void *ctx, const struct idxevent *event, int64_t t_host_ns,
+                          struct errctx *err) {
     (void)err;
     (void)t_host_ns;
     struct tape *t = ctx;
@@ -104,7 +106,8 @@ static struct twin_config quick(struct twin_config config) {
 static struct vec3 reconstruct(const struct rig *rig, const struct cart_shot *s) {
     struct pose pose = stand();
     double theta = rig_mirror_angle(rig, s->counts);
-    return pose_apply(&pose, rig_point(rig, theta, s->state.tilt_rad, s->state.pan_rad, s->range_m));
+    return pose_apply(&pose,
+                      rig_point(rig, theta, s->state.tilt_rad, s->state.pan_rad, s->range_m));
 }
 
 static void ideal_samples_lie_on_a_sphere_within_1_um(void **state) {
@@ -141,8 +144,8 @@ static void ideal_samples_lie_on_the_walls_of_the_room_within_1_um(void **state)
     free(tape);
 }
 
-static void misaligned_samples_lie_on_the_surface_with_the_true_rig_and_off_it_with_the_nominal(
-    void **state) {
+static void
+misaligned_samples_lie_on_the_surface_with_the_true_rig_and_off_it_with_the_nominal(void **state) {
     (void)state;
     struct twin_config config = quick(twin_config_ideal()), real = twin_config_default();
     for (int i = TWIN_CONFIG_MIRROR_ANGLE; i <= TWIN_CONFIG_TILT_ZERO; i++)
@@ -201,7 +204,8 @@ static void index_events_follow_the_mirror_and_count_pan_steps(void **state) {
         if (i < 3) /* spinning up, pan accelerating */
             continue;
         double dt = (double)(b->time_us - a->time_us) * 1e-6;
-        double steps = b->pan_steps + b->pan_phase / 65536.0 - a->pan_steps - a->pan_phase / 65536.0;
+        double steps =
+            b->pan_steps + b->pan_phase / 65536.0 - a->pan_steps - a->pan_phase / 65536.0;
         assert_true(fabs(dt - 0.25) < 0.01);
         assert_true(fabs(steps - 300 * dt) < 0.1);
     }
@@ -211,7 +215,8 @@ static void index_events_follow_the_mirror_and_count_pan_steps(void **state) {
 static void same_seed_gives_same_bytes_and_another_seed_others(void **state) {
     (void)state;
     struct twin_config config = quick(twin_config_default());
-    struct tape *a = record("room", &config, NULL, 3, 0.4), *b = record("room", &config, NULL, 3, 0.4);
+    struct tape *a = record("room", &config, NULL, 3, 0.4),
+                *b = record("room", &config, NULL, 3, 0.4);
     struct tape *c = record("room", &config, NULL, 4, 0.4);
     assert_int_equal(a->size, b->size);
     assert_memory_equal(a->bytes, b->bytes, a->size);
@@ -303,7 +308,8 @@ static double speed_hz(const struct tape *t, double from_s, double to_s) {
         a = at_s >= from_s && !a ? &t->shot[i] : a;
         b = at_s <= to_s ? &t->shot[i] : b;
     }
-    return (b->state.mirror_rad - a->state.mirror_rad) / (2 * pi) / ((double)(b->t_ns - a->t_ns) * 1e-9);
+    return (b->state.mirror_rad - a->state.mirror_rad) / (2 * pi) /
+           ((double)(b->t_ns - a->t_ns) * 1e-9);
 }
 
 static void mirror_faults_change_its_speed(void **state) {
@@ -391,11 +397,78 @@ static void laser_off_sends_samples_that_say_so(void **state) {
     free(tape);
 }
 
+/* Index events as a reader of the streams has them. */
+static size_t index_of(const struct tape *t, struct sweep_index *out) {
+    for (size_t i = 0; i < t->events; i++) {
+        const struct idxevent *e = &t->event[i];
+        struct sweep_index one = {.t_host_ns = t->edge[i].t_host_ns,
+                                  .revolution = e->revolution,
+                                  .pan_steps = e->pan_steps + e->pan_phase / 65536.0,
+                                  .tilt_steps = e->tilt_steps,
+                                  .pan_direction = e->flags & IDXEVENT_PAN_POSITIVE ? 1 : -1,
+                                  .sweep = (e->flags & IDXEVENT_SWEEP) != 0};
+        out[i] = one;
+    }
+    return t->events;
+}
+
+/* Largest distance of a point made from the streams to the echo it came from; counts what was
+ * placed. */
+static double worst_m(const struct tape *t, const struct twin_config *config, size_t *out_placed) {
+    struct sweep_index index[64];
+    struct sweep sweep;
+    struct rig rig = twin_config_rig(config, true);
+    struct pose pose = stand();
+    struct head_stream_stats stats = {0};
+    struct head_packet p;
+    struct sweep_place place[HEAD_PACKET_MAX_SAMPLES];
+    double worst = 0;
+    size_t offset = 0, packet = 0;
+    *out_placed = 0;
+    sweep_init(&sweep, index, index_of(t, index));
+    while (head_stream_next(t->bytes, t->size, &offset, &p, &stats) == ST_OK) {
+        sweep_packet(&sweep, &p, t->arrival_ns[packet++], place);
+        for (unsigned i = 0; i < p.sample_count; i++) {
+            struct vec3 q = pose_apply(&pose, sweep_point(&rig, &place[i], &p.samples[i]));
+            if (!vec3_is_finite(q))
+                continue;
+            size_t n = 0;
+            while (n < t->shots && t->shot[n].seq != p.first_sample_seq + i)
+                n++;
+            const struct cart_shot *s = &t->shot[n];
+            if (s->t_ns < 700000000) /* the pan's ramp is no straight line between two pulses */
+                continue;
+            struct vec3 truth = vec3_madd(s->beam.origin_m, s->beam.dir, s->echo.distance_m);
+            worst = fmax(worst, vec3_norm(vec3_sub(q, truth)));
+            ++*out_placed;
+        }
+    }
+    return worst;
+}
+
+static void sweep_puts_recorded_samples_back_on_the_surface(void **state) {
+    (void)state;
+    struct twin_config config = quick(twin_config_ideal());
+    config.value[TWIN_CONFIG_SAMPLE_RATE].real = 1000;
+    size_t placed = 0, placed_missing = 0;
+    struct tape *t = record("sphere", &config, NULL, 1, 2.2);
+    assert_true(worst_m(t, &config, &placed) < 2e-5); /* a position is latched to 1/65536 step */
+    assert_true(placed > 700);
+    free(t);
+    const char *faults[] = {"index_missing@1.2", NULL};
+    t = record("sphere", &config, faults, 1, 2.2);
+    assert_true(worst_m(t, &config, &placed_missing) <
+                2e-5); /* bridged: the revolution is counted */
+    assert_int_equal(placed, placed_missing);
+    free(t);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(ideal_samples_lie_on_a_sphere_within_1_um),
         cmocka_unit_test(ideal_samples_lie_on_the_walls_of_the_room_within_1_um),
-        cmocka_unit_test(misaligned_samples_lie_on_the_surface_with_the_true_rig_and_off_it_with_the_nominal),
+        cmocka_unit_test(
+            misaligned_samples_lie_on_the_surface_with_the_true_rig_and_off_it_with_the_nominal),
         cmocka_unit_test(packets_carry_every_sample_once_and_in_order),
         cmocka_unit_test(index_events_follow_the_mirror_and_count_pan_steps),
         cmocka_unit_test(same_seed_gives_same_bytes_and_another_seed_others),
@@ -407,6 +480,7 @@ int main(void) {
         cmocka_unit_test(clock_jump_moves_the_host_alone),
         cmocka_unit_test(power_loss_ends_everything),
         cmocka_unit_test(laser_off_sends_samples_that_say_so),
+        cmocka_unit_test(sweep_puts_recorded_samples_back_on_the_surface),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
