@@ -55,6 +55,7 @@ static enum st prepare(struct app_photo *p, bool bound_unknown, struct errctx *e
     p->world_from_cam = pose_compose(&p->world_from_station, &p->photo.station_from_cam);
     if (!has_skins(&p->photo)) {
         struct skin_params params = skin_params_default();
+        (void)skin_fill_cracks(&p->photo, &params);
         (void)skin_mark(&p->photo, &params);
     }
     p->tile_count = photo_tile_count(p->photo.camera.width_px, p->photo.camera.height_px);

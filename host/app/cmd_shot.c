@@ -41,7 +41,7 @@ struct arguments {
     char *out, *depth_out, *depth16_out, *compare, *difference_out, *photos, *except;
     char *primitive, *skins, *filter, *radius_form, *background, *unknown, *rim;
     double radius, falloff, push, depth_unit_m;
-    int supersample, threads, front_only;
+    int supersample, threads, front_only, keep_mixed;
 };
 
 struct shot {
@@ -130,6 +130,7 @@ static enum st make_options(const struct arguments *a, struct raster_options *ou
     o.filter = (enum raster_filter)filter;
     o.radius = (enum raster_radius)form;
     o.faces = a->front_only ? RASTER_FACES_FRONT : RASTER_FACES_BOTH;
+    o.leave_out_flags = a->keep_mixed ? 0 : PHOTO_MIXED;
     o.radius_k = a->radius;
     o.radius_max_px = fmin(o.radius_max_px * a->supersample, 4096.0);
     o.falloff = a->falloff;
@@ -424,6 +425,8 @@ int cmd_shot(int argc, const char **argv) {
          "unknown (default), leave-out, colour, draw, only", "WHAT"},
         {"push", 0, POPT_ARG_DOUBLE, &a.push, 0, "push coarser samples back (0)", "SIGMAS"},
         {"front-only", 0, POPT_ARG_NONE, &a.front_only, 0, "no mesh seen from behind", NULL},
+        {"keep-mixed", 0, POPT_ARG_NONE, &a.keep_mixed, 0,
+         "draw pixels that show two surfaces, too", NULL},
         {"supersample", 0, POPT_ARG_INT | POPT_ARGFLAG_SHOW_DEFAULT, &a.supersample, 0,
          "sub-pixels each way", "N"},
         {"background", 0, POPT_ARG_STRING, &a.background, 0, "colour of nothing (0,0,0)", "R,G,B"},

@@ -32,7 +32,7 @@ struct raster_options raster_options_default(void) {
                                      .radius = RASTER_RADIUS_AREA,
                                      .radius_k = 1.3,
                                      .radius_max_px = 64.0,
-                                     .falloff = 1.0,
+                                     .falloff = 6.0,
                                      .skin_rgb = {92, 58, 112}};
     return options;
 }

@@ -128,7 +128,10 @@ struct raster_options {
     /* Splat radius = radius_k half diagonals of the projected sample, at least half a pixel's
      * diagonal; 1.2 to 1.4 closes surfaces. radius_max_px bounds what one splat can cost. */
     double radius_k, radius_max_px;
-    double falloff; /* depth of a splat's rim, in splat radii behind its centre */
+    /* Depth of a splat's rim, in splat radii behind its centre. The border between two splats lies
+     * at most a quarter of their distance off the middle where the surface's slope is below falloff
+     * / 2; a surface that far behind another shows through its rims. */
+    double falloff;
     /* Confidence push-back: a sample goes back by push_sigma * sigma(depth) * log2(projected area
      * in px), counted from 1/16 px and up to 256 px, so that of two samples of one surface, equally
      * uncertain, the one twice as dense lies push_sigma sigmas in front. 0: off. A sample of
@@ -140,7 +143,7 @@ struct raster_options {
     int threads; /* 0: as many as OpenMP would take */
 };
 
-/* Splats by area, k 1.3, falloff 1, radius at most 64 px, no push-back, linear filter, no skins,
+/* Splats by area, k 1.3, falloff 6, radius at most 64 px, no push-back, linear filter, no skins,
  * both faces, background 0. */
 struct raster_options raster_options_default(void);
 
