@@ -3,6 +3,8 @@
 #define SC_APP_COMMANDS_H
 
 int cmd_check(int argc, const char **argv);
+int cmd_cull(int argc, const char **argv);
+int cmd_fuse(int argc, const char **argv);
 int cmd_import(int argc, const char **argv);
 int cmd_info(int argc, const char **argv);
 int cmd_new(int argc, const char **argv);
@@ -11,6 +13,7 @@ int cmd_panorama(int argc, const char **argv);
 int cmd_sheet(int argc, const char **argv);
 int cmd_shot(int argc, const char **argv);
 int cmd_twin(int argc, const char **argv);
+int cmd_view(int argc, const char **argv);
 int cmd_version(int argc, const char **argv);
 
 #endif

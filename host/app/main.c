@@ -10,12 +10,15 @@ static const struct app_command commands[] = {
     {"new", "make an empty site", cmd_new},
     {"import", "take in photographs with depth, and laser scans", cmd_import},
     {"panorama", "picture of a scan as seen from its stand", cmd_panorama},
+    {"fuse", "make 3D photographs and tiles of what was scanned", cmd_fuse},
+    {"cull", "pack the tiles again, leaving out more or less", cmd_cull},
     {"info", "what a site holds", cmd_info},
     {"check", "verify a whole site", cmd_check},
     {"controller", "the cart's controller: status, homing, moves, faults", cmd_controller},
     {"shot", "draw a site from anywhere", cmd_shot},
     {"sheet", "pictures with captions on one sheet", cmd_sheet},
     {"twin", "the simulated cart: scenes, scans, truth", cmd_twin},
+    {"view", "walk through a site on screen", cmd_view},
     {"version", "print the version", cmd_version},
 };
 

@@ -43,11 +43,12 @@ int32_t face_size_px(double spacing_rad, int32_t max_px) {
 
 /* ---- survey ---- */
 
-enum { FINE = 8192 / 2, BINS = 1024, CHUNK = 8192 }; /* FINE: cells along a face, 0.5 mrad */
+enum { FINE = 8192, BINS = 1024, CHUNK = 8192 }; /* FINE: cells along a face, 0.24 mrad */
 
 struct survey_scratch {
     uint32_t bits[FACE_COUNT][FINE * FINE / 32];
     int64_t histogram[BINS]; /* of intensities 0..1 */
+    struct vec3 sum;         /* of the directions */
     struct scatter_sample samples[CHUNK];
 };
 
@@ -80,6 +81,11 @@ static void survey_sample(struct survey_scratch *scratch, const struct scatter_s
     if (face < 0)
         return;
     survey->sample_count++;
+    double length =
+        sqrt((double)(s->p_m[0] * s->p_m[0] + s->p_m[1] * s->p_m[1] + s->p_m[2] * s->p_m[2]));
+    scratch->sum =
+        vec3_madd(scratch->sum, vec3_make((double)s->p_m[0], (double)s->p_m[1], (double)s->p_m[2]),
+                  1.0 / length);
     int x = (int)((st[0] * 0.5f + 0.5f) * FINE), y = (int)((st[1] * 0.5f + 0.5f) * FINE);
     x = x < 0 ? 0 : x >= FINE ? FINE - 1 : x;
     y = y < 0 ? 0 : y >= FINE ? FINE - 1 : y;
@@ -102,63 +108,58 @@ static void survey_sample(struct survey_scratch *scratch, const struct scatter_s
     }
 }
 
-static int bit_get(const uint32_t *bits, size_t i) {
-    return (int)(bits[i / 32] >> (i % 32) & 1u);
+/* The even bits of x, packed into the low half. */
+static uint32_t even_bits(uint32_t x) {
+    x &= 0x55555555u;
+    x = (x | x >> 1) & 0x33333333u;
+    x = (x | x >> 2) & 0x0f0f0f0fu;
+    x = (x | x >> 4) & 0x00ff00ffu;
+    return (x | x >> 8) & 0x0000ffffu;
 }
 
-/* Halves the resolution in place; returns nothing. size: cells along a side before. */
+/* Halves the resolution in place: a cell holds a sample if one of its four does. size: cells along
+ * a side before, a multiple of 64. */
 static void halve(uint32_t *bits, size_t size) {
-    size_t half = size / 2;
-    for (size_t y = 0; y < half; y++)
-        for (size_t x = 0; x < half; x++) {
-            size_t a = 2 * y * size + 2 * x;
-            uint32_t any = (uint32_t)(bit_get(bits, a) | bit_get(bits, a + 1) |
-                                      bit_get(bits, a + size) | bit_get(bits, a + size + 1));
-            size_t to = y * half + x; /* never ahead of what is still to be read */
-            bits[to / 32] = (bits[to / 32] & ~(1u << (to % 32))) | any << (to % 32);
+    size_t from = size / 32, to = size / 64;
+    for (size_t y = 0; y < size / 2; y++) {
+        const uint32_t *a = bits + 2 * y * from, *b = a + from;
+        for (size_t k = 0; k < to; k++) { /* never ahead of what is still to be read */
+            uint32_t lo = a[2 * k] | b[2 * k], hi = a[2 * k + 1] | b[2 * k + 1];
+            bits[y * to + k] = even_bits(lo | lo >> 1) | even_bits(hi | hi >> 1) << 16;
         }
-}
-
-/* Share of the cells with all eight neighbours' hull looked at that hold a sample: cells whose left
- * and right or upper and lower neighbour within 8 cells hold one count as looked at. */
-static void coverage(const uint32_t *bits, size_t size, int64_t *inout_full, int64_t *inout_all) {
-    enum { REACH = 8 };
-    for (size_t y = 0; y < size; y++) {
-        size_t last = SIZE_MAX;
-        for (size_t x = 0; x < size; x++)
-            if (bit_get(bits, y * size + x)) {
-                size_t gap = last == SIZE_MAX ? 1 : x - last;
-                *inout_full += 1;
-                *inout_all += gap <= REACH ? (int64_t)gap : 1;
-                last = x;
-            }
-    }
-    for (size_t x = 0; x < size; x++) {
-        size_t last = SIZE_MAX;
-        for (size_t y = 0; y < size; y++)
-            if (bit_get(bits, y * size + x)) {
-                size_t gap = last == SIZE_MAX ? 1 : y - last;
-                *inout_full += 1;
-                *inout_all += gap <= REACH ? (int64_t)gap : 1;
-                last = y;
-            }
     }
 }
 
+static int64_t count_bits(const uint32_t *bits, size_t words) {
+    int64_t n = 0;
+    for (size_t i = 0; i < words; i++)
+        for (uint32_t x = bits[i]; x; x &= x - 1)
+            n++;
+    return n;
+}
+
+/* Where cells are larger than the spacing, four times as many hold a sample at half the size; where
+ * they are smaller, a cell holds one with probability (cell / spacing)^2 and the number no longer
+ * grows. */
 static double spacing_of(struct survey_scratch *scratch) {
-    enum { COARSEST = 16 };
-    for (size_t size = FINE; size > COARSEST; size /= 2) {
-        int64_t full = 0, all = 0;
-        for (int face = 0; face < FACE_COUNT; face++)
-            coverage(scratch->bits[face], size, &full, &all);
-        if (!full)
-            break;
-        if ((double)full >= 0.9 * (double)all)
-            return 2.0 / (double)size;
-        for (int face = 0; face < FACE_COUNT; face++)
-            halve(scratch->bits[face], size);
+    enum { COARSEST = 64, LEVELS = 8 }; /* 8192 down to 64 */
+    int64_t cells[LEVELS] = {0};
+    for (int level = 0; level < LEVELS; level++) {
+        size_t size = (size_t)FINE >> level;
+        for (int face = 0; face < FACE_COUNT; face++) {
+            cells[level] += count_bits(scratch->bits[face], size * size / 32);
+            if (size > COARSEST)
+                halve(scratch->bits[face], size);
+        }
     }
-    return 0.2;
+    for (int level = LEVELS - 2; level >= 0; level--) {
+        double share = (double)cells[level] / (4.0 * (double)cells[level + 1]);
+        double cell_rad = 2.0 / (double)((size_t)FINE >> level);
+        if (share < 0.8)
+            /* A cell of a cube map covers 0.724 of its size on average over a face. */
+            return 0.724 * fmin(cell_rad / sqrt(share), 2.0 * cell_rad);
+    }
+    return 2.0 / FINE;
 }
 
 static float high_intensity(const int64_t histogram[BINS]) {
@@ -175,6 +176,46 @@ static float high_intensity(const int64_t histogram[BINS]) {
     return 1.0f;
 }
 
+/* Widest angle of a sample from the axis: a second pass. */
+static enum st measure_cone(const struct scatter_source *source, struct survey_scratch *scratch,
+                            struct face_survey *survey, struct errctx *err) {
+    double least = 1.0;
+    enum st st = source->rewind(source->context, err);
+    while (!st) {
+        size_t count = 0;
+        st = source->next(source->context, scratch->samples, CHUNK, &count, err);
+        if (st || !count)
+            break;
+        for (size_t i = 0; i < count; i++) {
+            const float *p = scratch->samples[i].p_m;
+            struct vec3 d = vec3_unit(vec3_make((double)p[0], (double)p[1], (double)p[2]));
+            if (vec3_is_finite(d))
+                least = fmin(least, vec3_dot(d, survey->axis));
+        }
+    }
+    double widest = acos(fmax(-1.0, fmin(1.0, least)));
+    survey->half_angle_rad = widest < 0.873 ? widest : (double)NAN; /* 50 degrees */
+    return st;
+}
+
+void face_narrow(const struct face_survey *survey, double spacing_rad, int32_t max_px,
+                 struct camera *out_camera, struct pose *out_station_from_cam) {
+    double t = tan(fmax(survey->half_angle_rad, 1e-3)) * 1.02;
+    double px = fmin(fmax(2.0 * t / spacing_rad, 32.0), (double)max_px);
+    int32_t size = (int32_t)ceil(px);
+    double f = 0.5 * size / t, c = 0.5 * (size - 1);
+    struct camera camera = {
+        .width_px = size, .height_px = size, .fx_px = f, .fy_px = f, .cx_px = c, .cy_px = c};
+    struct vec3 forward = survey->axis;
+    struct vec3 up = fabs(forward.z) < 0.99 ? vec3_make(0, 0, 1) : vec3_make(1, 0, 0);
+    struct vec3 right = vec3_unit(vec3_cross(forward, up)), down = vec3_cross(forward, right);
+    struct pose pose = {
+        {{right.x, down.x, forward.x, right.y, down.y, forward.y, right.z, down.z, forward.z}},
+        {0, 0, 0}};
+    *out_camera = camera;
+    *out_station_from_cam = pose;
+}
+
 enum st face_survey_source(const struct scatter_source *source, struct face_survey *out_survey,
                            struct errctx *err) {
     struct face_survey survey = {0};
@@ -189,6 +230,12 @@ enum st face_survey_source(const struct scatter_source *source, struct face_surv
             break;
         for (size_t i = 0; i < count; i++)
             survey_sample(scratch, scratch->samples + i, &survey);
+    }
+    double length = vec3_norm(scratch->sum);
+    survey.half_angle_rad = (double)NAN;
+    if (!st && survey.sample_count && length > 0.7 * (double)survey.sample_count) {
+        survey.axis = vec3_scale(scratch->sum, 1.0 / length);
+        st = measure_cone(source, scratch, &survey, err);
     }
     if (!st) {
         survey.spacing_rad = survey.sample_count ? spacing_of(scratch) : 0.2;

@@ -31,9 +31,13 @@ struct face_survey {
     float range_min_m, range_max_m;
     float intensity_high; /* 99th percentile, for the grey scale; 0: no intensities */
     int has_colour;
+    /* Where the samples look, if they all look the same way: the cone around `axis` that holds
+     * them. Half angle above 50 degrees: NaN, they look around. */
+    struct vec3 axis;
+    double half_angle_rad;
 };
 
-/* One pass over the stream, 13 MiB of scratch. spacing_rad: the cell size at which nine of ten
+/* One pass over the stream, 50 MiB of scratch. spacing_rad: the cell size at which nine of ten
  * looked-at cells of a cube map hold a sample, between 0.2 mrad and 0.2 rad. An empty stream gives
  * zeroes and 0.2 rad. */
 ST_MUST_CHECK enum st face_survey_source(const struct scatter_source *source,
@@ -42,6 +46,12 @@ ST_MUST_CHECK enum st face_survey_source(const struct scatter_source *source,
 /* Size of a face in px so that a pixel in its middle is `spacing_rad` wide, a multiple of 32 plus 1
  * within 33..max_px. */
 int32_t face_size_px(double spacing_rad, int32_t max_px);
+
+/* One photograph for samples that look one way: a pinhole along the survey's axis (up = station z,
+ * or x where that is the axis) that holds the cone, pixels `spacing_rad` wide, at most max_px each
+ * way. */
+void face_narrow(const struct face_survey *survey, double spacing_rad, int32_t max_px,
+                 struct camera *out_camera, struct pose *out_station_from_cam);
 
 #ifdef __cplusplus
 }

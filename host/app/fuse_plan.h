@@ -1,0 +1,15 @@
+/* Which photographs a station gets: one a camera frame with a pose; else six cube faces, or one
+ * view where the samples all look the same way. */
+#ifndef SC_APP_FUSE_PLAN_H
+#define SC_APP_FUSE_PLAN_H
+
+#include "app/fuse_photo.h"
+
+/* Adds them, not yet made, to `photos`. */
+ST_MUST_CHECK enum st fuse_plan_station(struct site *site, const struct station *station,
+                                        const struct fuse_source *source,
+                                        const struct face_survey *survey,
+                                        const struct fuse_settings *settings,
+                                        struct fuse_photos *photos, struct errctx *err);
+
+#endif
