@@ -134,6 +134,12 @@ void egl_context_close(struct egl_context *context) {
     free(context);
 }
 
+enum st egl_context_use(struct egl_context *c, struct errctx *err) {
+    if (c->egl.make_current(c->display, EGL_NO_SURFACE, EGL_NO_SURFACE, c->context))
+        return ST_OK;
+    return errctx_set(err, ST_DEVICE, "the OpenGL context was lost");
+}
+
 const struct gl_api *egl_context_gl(const struct egl_context *context) {
     return &context->gl;
 }

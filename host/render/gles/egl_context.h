@@ -19,6 +19,9 @@ ST_MUST_CHECK enum st egl_context_open(int minor, struct egl_context **out_conte
                                        struct errctx *err);
 void egl_context_close(struct egl_context *context); /* takes NULL */
 
+/* Makes it the thread's context again, after another one was; ST_DEVICE if it was lost. */
+ST_MUST_CHECK enum st egl_context_use(struct egl_context *context, struct errctx *err);
+
 const struct gl_api *egl_context_gl(const struct egl_context *context);
 
 #ifdef __cplusplus

@@ -55,7 +55,8 @@ static void describe(struct render_gles *r) {
 }
 
 static void gles_drop(struct render_gles *r, bool context_gone) {
-    if (r->egl && !context_gone) {
+    struct errctx ignored;
+    if (r->egl && !context_gone && !egl_context_use(r->egl, &ignored)) {
         gles_atlas_fini(&r->atlas);
         gles_target_fini(&r->target);
     } else {
@@ -80,8 +81,10 @@ static enum st make_programs(struct render_gles *r, struct errctx *err) {
 }
 
 static enum st begin(struct render_gles *r, struct errctx *err) {
-    if (r->egl)
+    if (r->egl && !egl_context_use(r->egl, err))
         return ST_OK;
+    if (r->egl)
+        gles_drop(r, true);
     enum st st = egl_context_open(r->base.kind == RENDER_GLES31 ? 1 : 0, &r->egl, err);
     if (st)
         return st;
