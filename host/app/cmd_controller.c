@@ -38,7 +38,7 @@ enum {
 };
 
 struct options {
-    const char *port, *board, *parity, *axes;
+    char *port, *board, *parity, *axes; /* malloc'ed by popt */
     int baud, unit, timeout_ms, count;
     double interval_s;
     int pan, tilt;
@@ -387,5 +387,9 @@ int cmd_controller(int argc, const char **argv) {
     else
         exit_status = run(action, &o);
     (void)poptFreeContext(context);
+    free(o.port);
+    free(o.board);
+    free(o.parity);
+    free(o.axes);
     return exit_status;
 }
