@@ -7,3 +7,5 @@ scancart_test(golden_raster SOURCES golden/test_raster_golden.c support/room.c D
 scancart_test(prop_raster SOURCES prop/prop_raster.c support/room.c DEPS sc_raster LABELS prop)
 add_executable(bench_raster bench/bench_raster.c support/room.c)
 target_link_libraries(bench_raster PRIVATE sc_raster OpenMP::OpenMP_C)
+scancart_script_test(e2e_shot COMMAND tests/e2e/shot.sh LABELS e2e)
+scancart_script_test(golden_aloe COMMAND tests/golden/aloe.sh LABELS golden)
