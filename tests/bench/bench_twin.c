@@ -1,6 +1,6 @@
-/* How fast the simulated head is: rays/s and samples/s of a 180 x 90 degree panorama at 20 samples
- * a degree with 4 rays a sample, and packets decoded per second. Usage: bench_twin [SCENE]
- * [FRACTION] */
+/* JSON on stdout, text for people on stderr. How fast the simulated head is: rays/s and samples/s
+ * of a 180 x 90 degree panorama at 20 samples a degree with 4 rays a sample, and packets decoded
+ * per second. Usage: bench_twin [SCENE] [FRACTION] */
 #include "base/clock.h"
 #include "base/head_packet.h"
 #include "twin/optics.h"
@@ -39,17 +39,17 @@ static long panorama(const struct scene *scene, const struct optics *optics, int
     return echoes;
 }
 
-static void decode(void) {
+static double decode(void) {
     enum { PACKETS = 4000 };
     struct head_packet p = {.interval_ns = 40000, .sample_count = HEAD_PACKET_MAX_SAMPLES};
     uint8_t *bytes = malloc((size_t)PACKETS * HEAD_PACKET_MAX_BYTES);
     if (!bytes)
-        return;
+        return 0;
     size_t size = 0, used = 0;
     for (uint32_t i = 0; i < PACKETS; i++, size += used) {
         p.packet_seq = i;
         if (head_packet_encode(&p, bytes + size, &used))
-            return;
+            return 0;
     }
     int64_t start_ns = clock_now_ns();
     long samples = 0;
@@ -59,9 +59,10 @@ static void decode(void) {
         while (head_stream_next(bytes, size, &offset, &p, &stats) == ST_OK)
             samples += p.sample_count;
     }
-    (void)printf("head packets decoded   %7.1f M samples/s (one thread)\n",
-                 (double)samples / seconds_since(start_ns) * 1e-6);
+    double rate = (double)samples / seconds_since(start_ns);
+    (void)fprintf(stderr, "head packets decoded   %7.1f M samples/s (one thread)\n", rate * 1e-6);
     free(bytes);
+    return rate;
 }
 
 int main(int argc, char **argv) {
@@ -74,8 +75,8 @@ int main(int argc, char **argv) {
         (void)fprintf(stderr, "%s\n", err.text);
         return 1;
     }
-    (void)printf("scene %-16s %7.2f M triangles, built in %.2f s\n", name,
-                 (double)scene->mesh.triangle_count * 1e-6, seconds_since(start_ns));
+    (void)fprintf(stderr, "scene %-16s %7.2f M triangles, built in %.2f s\n", name,
+                  (double)scene->mesh.triangle_count * 1e-6, seconds_since(start_ns));
     struct optics optics = optics_default();
     optics.max_range_m = 15;
     int columns = (int)(180 * 20 * fraction), rows = 90 * 20;
@@ -86,7 +87,11 @@ int main(int argc, char **argv) {
         "180 x 90 deg at 20/deg  %6.2f s%s, %.2f M samples/s, %.2f M rays/s (%ld echoes)\n",
         took_s / fraction, fraction < 1 ? " (extrapolated)" : "", samples / took_s * 1e-6,
         samples * optics.rays / took_s * 1e-6, echoes);
-    decode();
+    double decoded = decode();
+    (void)printf("[{\"name\": \"twin_%s_panorama\", \"value\": %.2f, \"unit\": \"s\"},\n"
+                 " {\"name\": \"twin_%s_rays\", \"value\": %.0f, \"unit\": \"rays/s\"},\n"
+                 " {\"name\": \"head_packet_decode\", \"value\": %.0f, \"unit\": \"samples/s\"}]\n",
+                 name, took_s / fraction, name, samples * optics.rays / took_s, decoded);
     scene_destroy(scene);
     return 0;
 }
