@@ -132,6 +132,16 @@ def monitor_counts_index_events_without_a_loss(bench):
     raw(bench, bytes([1, 5, 0, MOTOR_ENABLE, 0, 0]))
 
 
+def hung_main_loop_ends_in_a_reset_and_is_reported(bench):
+    bench.console("x")
+    time.sleep(bench.patience_s)
+    report = status_of(bench)
+    assert report["reset_cause"] == "watchdog" and report["fault"]["name"] == "WATCHDOG", report
+    assert not report["motors_on"] and not report["pan"]["homed"]
+    run("clear", bench.device)
+    assert status_of(bench)["state"] == "idle"
+
+
 # --- lines that do not work ----------------------------------------------------------------------------
 
 def names_a_device_that_is_not_there(_):
@@ -262,7 +272,8 @@ def main():
     bench.board = "qemu_mps2" if kind == "qemu" else "simulated"
     bench.patience_s = 8 if kind == "qemu" else 3.5  # an emulator's time may run slower than ours
     with bench:
-        for claim in WITH_CONTROLLER + (OF_THE_LINE if kind == "sim" else []):
+        more = OF_THE_LINE if kind == "sim" else [hung_main_loop_ends_in_a_reset_and_is_reported]
+        for claim in WITH_CONTROLLER + more:
             begun = time.monotonic()
             claim(bench)
             print(f"ok   {claim.__name__} ({time.monotonic() - begun:.1f} s)", flush=True)
