@@ -13,6 +13,7 @@ int cmd_panorama(int argc, const char **argv);
 int cmd_sheet(int argc, const char **argv);
 int cmd_shot(int argc, const char **argv);
 int cmd_twin(int argc, const char **argv);
+int cmd_fly(int argc, const char **argv);
 int cmd_view(int argc, const char **argv);
 int cmd_version(int argc, const char **argv);
 

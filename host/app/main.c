@@ -18,6 +18,7 @@ static const struct app_command commands[] = {
     {"shot", "draw a site from anywhere", cmd_shot},
     {"sheet", "pictures with captions on one sheet", cmd_sheet},
     {"twin", "the simulated cart: scenes, scans, truth", cmd_twin},
+    {"fly", "a flight through a site as pictures or a film", cmd_fly},
     {"view", "walk through a site on screen", cmd_view},
     {"version", "print the version", cmd_version},
 };

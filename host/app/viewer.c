@@ -107,6 +107,7 @@ enum st viewer_open(struct site *site, const struct viewer_options *options, str
     v->quality = view_quality_default();
     v->station = v->photo = -1;
     v->overlay = true;
+    v->unknown = VIEWER_UNKNOWN_HIDE; /* one tap away; it may fill the picture */
     (void)snprintf(v->title, sizeof v->title, "%s", fileio_basename(options->path));
     enum st st = view_source_open(site, options->from_photos, &v->source, err);
     if (!st)

@@ -75,12 +75,13 @@ static bool invert3(const double a[9], double out[9]) {
 
 /* One pass of weighted least squares over the samples within `limit` sigmas of `from` (NULL: all
  * without a skin between). */
-static bool fit_pass(const struct hit *hit, const struct fit *from, struct fit *out) {
+static bool fit_pass(const struct hit *hit, int32_t reach, const struct fit *from,
+                     struct fit *out) {
     const struct tile *t = hit->tile;
     double a[9] = {0}, b[3] = {0}, sum_squares = 0;
     *out = (struct fit){.u0 = hit->u, .v0 = hit->v};
-    for (int32_t v = hit->v - REACH_PX; v <= hit->v + REACH_PX; v++)
-        for (int32_t u = hit->u - REACH_PX; u <= hit->u + REACH_PX; u++) {
+    for (int32_t v = hit->v - reach; v <= hit->v + reach; v++)
+        for (int32_t u = hit->u - reach; u <= hit->u + reach; u++) {
             if (u < 0 || v < 0 || u > t->cells_x || v > t->cells_y)
                 continue;
             ptrdiff_t at = (ptrdiff_t)v * t->stride_px + u;
@@ -112,17 +113,25 @@ static bool fit_pass(const struct hit *hit, const struct fit *from, struct fit *
     return true;
 }
 
+/* The largest neighbourhood that is a plane within its noise: residuals beyond what chance allows
+ * say that the surface bends or ends there, and a plane through it would be sure of the wrong
+ * place. */
 static bool fit_plane(const struct hit *hit, struct fit *out) {
-    struct fit first, second;
-    if (!fit_pass(hit, NULL, &first))
-        return false;
-    first.chi2 = 1.0;
-    if (!fit_pass(hit, &first, &second) || !fit_pass(hit, &second, out))
-        return false;
-    double widen = fmax(1.0, out->chi2);
-    for (int i = 0; i < 9; i++)
-        out->cov[i] *= widen;
-    return true;
+    for (int32_t reach = REACH_PX; reach > 0; reach--) {
+        struct fit first, second;
+        if (!fit_pass(hit, reach, NULL, &first))
+            continue;
+        first.chi2 = fmin(first.chi2, 1.0);
+        if (!fit_pass(hit, reach, &first, &second) || !fit_pass(hit, reach, &second, out))
+            continue;
+        int32_t window = (2 * reach + 1) * (2 * reach + 1);
+        if (out->chi2 > 1.0 || 2 * out->samples < window)
+            continue;
+        for (int i = 0; i < 9; i++)
+            out->cov[i] *= fmax(1.0, out->chi2);
+        return true;
+    }
+    return false;
 }
 
 /* ---- ray and plane ---- */
@@ -204,6 +213,12 @@ enum st view_measure_pick(const struct render_item *items, size_t item_count,
     struct fit fit;
     if (fit_plane(&hit, &fit))
         meet(&fit, &hit, &ray, drawn_m, &p);
+    if (isnan(p.sigma_m)) { /* the sample's own error stands for the place */
+        ptrdiff_t at = (ptrdiff_t)hit.v * hit.tile->stride_px + hit.u;
+        double delta = (double)hit.tile->disparity_per_m[at];
+        double range_m = vec3_norm(vec3_sub(p.p_m, hit.tile->origin_m));
+        p.sigma_m = photo_sigma_from_confidence(hit.tile->confidence[at]) / delta * range_m;
+    }
     p.range_m = vec3_norm(vec3_sub(p.p_m, hit.tile->origin_m));
     *out_point = p;
     return ST_OK;
