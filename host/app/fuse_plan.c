@@ -26,7 +26,7 @@ static struct fuse_photo blank(const struct station *station, const char *what) 
     memset(&p, 0, sizeof p);
     p.station_id = station->id;
     p.world_from_station = station->pose.world_from_station;
-    (void)snprintf(p.name, sizeof p.name, "%.40s-%s", station->name, what);
+    (void)snprintf(p.name, sizeof p.name, "%.30s-%.30s", station->name, what);
     return p;
 }
 
