@@ -3,3 +3,4 @@ scancart_test(prop_render_agree SOURCES prop/prop_render_agree.c support/render_
   DEPS sc_render sc_raster sc_base LABELS "prop;gl" TIMEOUT 240)
 scancart_test(test_view_measure SOURCES unit/test_view_measure.c support/room.c
   DEPS sc_render sc_raster sc_base LABELS "unit;gl")
+scancart_script_test(view_window COMMAND tests/e2e/view_window.py LABELS "e2e" TIMEOUT 240)
