@@ -7,6 +7,7 @@
 #include "base/picture.h"
 #include "raster/depth_picture.h"
 #include "raster/metrics.h"
+#include "render/render.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -42,6 +43,7 @@ struct arguments {
     char *primitive, *skins, *filter, *radius_form, *background, *unknown, *rim;
     double radius, falloff, push, depth_unit_m;
     int supersample, threads, front_only, keep_mixed;
+    int cpu, gl, gl31;
 };
 
 struct shot {
@@ -164,6 +166,36 @@ static void target_destroy(struct raster_target *target) {
     memset(target, 0, sizeof *target);
 }
 
+/* The same picture by OpenGL ES. */
+static enum st draw_gl(struct shot *shot, const struct raster_view *view,
+                       const struct raster_target *target, struct errctx *err) {
+    static const enum render_primitive primitive[] = {[RASTER_POINTS] = RENDER_POINTS,
+                                                      [RASTER_SPLATS] = RENDER_SPLATS,
+                                                      [RASTER_MESH] = RENDER_MESH};
+    size_t tiles = 0;
+    for (size_t i = 0; i < shot->photos.count; i++)
+        tiles += shot->photos.inputs[i].tile_count;
+    struct render_item *items = malloc((tiles + 1) * sizeof *items);
+    struct renderer *renderer = NULL;
+    if (!items)
+        return errctx_set(err, ST_NOMEM, "no memory for %zu tiles", tiles);
+    size_t n = render_items_of_inputs(shot->photos.inputs, shot->photos.count,
+                                      primitive[shot->options.primitive], items);
+    struct render_frame frame = {items, n, view, &shot->options};
+    struct render_stats stats = {0};
+    enum st st =
+        render_create(shot->args->gl31 ? RENDER_GLES31 : RENDER_GLES30, NULL, &renderer, err);
+    if (!st)
+        st = render_draw(renderer, &frame, target, &stats, err);
+    shot->stats = (struct raster_stats){.tiles_total = (int64_t)tiles,
+                                        .tiles_rejected = (int64_t)tiles - stats.tiles_drawn,
+                                        .samples_drawn = stats.samples_drawn,
+                                        .total_s = stats.total_s};
+    render_destroy(renderer);
+    free(items);
+    return st;
+}
+
 static enum st draw(struct shot *shot, struct errctx *err) {
     int32_t n = shot->args->supersample;
     struct raster_view fine_view = raster_view_supersampled(&shot->view, n);
@@ -173,8 +205,10 @@ static enum st draw(struct shot *shot, struct errctx *err) {
     if (!st && n > 1)
         st = target_create(fine_view.width_px, fine_view.height_px, &fine, err);
     if (!st)
-        st = raster_draw(shot->photos.inputs, shot->photos.count, &fine_view, &shot->options,
-                         n > 1 ? &fine : &shot->target, &scratch, &shot->stats, err);
+        st = shot->args->gl || shot->args->gl31
+                 ? draw_gl(shot, &fine_view, n > 1 ? &fine : &shot->target, err)
+                 : raster_draw(shot->photos.inputs, shot->photos.count, &fine_view, &shot->options,
+                               n > 1 ? &fine : &shot->target, &scratch, &shot->stats, err);
     if (!st && n > 1)
         st = raster_downsample(&fine, n, shot->options.background_rgb, &shot->target);
     raster_scratch_fini(&scratch);
@@ -369,6 +403,8 @@ static int parsed(poptContext context, struct shot *shot) {
     struct errctx err = {0};
     if (!path || poptPeekArg(context))
         return app_usage_error("shot", "give one site");
+    if (shot->args->cpu + shot->args->gl + shot->args->gl31 > 1)
+        return app_usage_error("shot", "--cpu, --gl and --gl31 exclude each other");
     if (!shot->args->out)
         return app_usage_error("shot", "say where the picture goes: -o out.png");
     if (make_options(shot->args, &shot->options, &err))
@@ -441,6 +477,9 @@ int cmd_shot(int argc, const char **argv) {
         {"depth16", 0, POPT_ARG_STRING, &a.depth16_out, 0, "depths in 16 bits (PNG)", "FILE"},
         {"depth-unit", 0, POPT_ARG_DOUBLE | POPT_ARGFLAG_SHOW_DEFAULT, &a.depth_unit_m, 0,
          "step of --depth16", "METRES"},
+        {"cpu", 0, POPT_ARG_NONE, &a.cpu, 0, "draw without OpenGL (default)", NULL},
+        {"gl", 0, POPT_ARG_NONE, &a.gl, 0, "draw with OpenGL ES 3.0", NULL},
+        {"gl31", 0, POPT_ARG_NONE, &a.gl31, 0, "draw with compute shaders", NULL},
         {"threads", 0, POPT_ARG_INT, &a.threads, 0, "(as many as there are)", "N"},
         POPT_TABLEEND};
     struct app_usage usage = {.name = "shot",
