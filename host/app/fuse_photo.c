@@ -189,7 +189,8 @@ static enum st one(struct site *site, struct fuse_photo *p, struct fuse_source *
     layer.splat_px = fmin(fmax(1.0, s->splat_spacings * spacing_px), LAYER_MAX_SPLAT_PX);
     layer.intensity_scale =
         survey->intensity_high > 0.0f ? 0.9 / (double)survey->intensity_high : 1;
-    resolve.beam_rad = survey->spacing_rad; /* a sample averages over its step and its spot */
+    /* The head averages over its step and its spot; of other instruments that is not known. */
+    resolve.beam_rad = source->rays ? survey->spacing_rad : 0.0;
     resolve.sigma_angle_rad = s->sigma_angle_rad;
     resolve.sigma_system_m = s->sigma_system_m;
     char *text = NULL;

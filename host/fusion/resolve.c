@@ -282,23 +282,43 @@ static bool smooth_here(const struct work *w, int32_t x, int32_t y) {
     return true;
 }
 
-/* Whether the window holds what is clearly nearer and what is clearly farther than the candidate.
- */
-static bool between(const struct work *w, int32_t x, int32_t y) {
+/* What lies on one side of the candidate, up to a strip's width away: bit 0 something clearly
+ * nearer, bit 1 something clearly farther. */
+static unsigned side_of(const struct work *w, int32_t x, int32_t y, int32_t dx, int32_t dy) {
     const struct candidate *me = neighbour(w, x, y);
-    int32_t reach = w->strip + 1;
-    bool near = false, far = false;
-    for (int32_t dy = -reach; dy <= reach; dy++)
-        for (int32_t dx = -reach; dx <= reach; dx++) {
-            const struct candidate *c = neighbour(w, x + dx, y + dy);
-            if (!c)
-                continue;
-            float step = c->disparity_per_m - me->disparity_per_m;
-            float room = noise_of(w, me, c);
-            near |= step > room;
-            far |= step < -room;
-        }
-    return near && far;
+    unsigned found = 0;
+    for (int32_t k = 1; k <= w->strip + 1; k++) {
+        const struct candidate *c = neighbour(w, x + k * dx, y + k * dy);
+        if (!c)
+            continue;
+        float step = c->disparity_per_m - me->disparity_per_m, room = noise_of(w, me, c);
+        found |= step > room ? 1u : step < -room ? 2u : 0u;
+    }
+    return found;
+}
+
+/* Whether the candidate lies across an edge: nearer on one side, farther on the other. */
+static bool between(const struct work *w, int32_t x, int32_t y) {
+    static const int32_t lines[4][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
+    for (int k = 0; k < 4; k++) {
+        unsigned a = side_of(w, x, y, lines[k][0], lines[k][1]);
+        unsigned b = side_of(w, x, y, -lines[k][0], -lines[k][1]);
+        if ((a & 1u && b & 2u) || (a & 2u && b & 1u))
+            return true;
+    }
+    return false;
+}
+
+/* Where neighbour c lies along a direction, and how much its disparity differs from the
+ * candidate's, less what the surface's gradient explains across that direction. */
+static float along(const struct candidate *me, const struct candidate *c,
+                   const int32_t direction[2], float *out_step) {
+    float u = c->u_px - me->u_px, v = c->v_px - me->v_px;
+    float dx = (float)direction[0], dy = (float)direction[1], t = u * dx + v * dy;
+    float part = t / (dx * dx + dy * dy);
+    *out_step = c->disparity_per_m - me->disparity_per_m - me->gu * (u - part * dx) -
+                me->gv * (v - part * dy);
+    return t;
 }
 
 /* In how many of eight directions a surface leads up to the candidate: what lies one and two strip
@@ -315,14 +335,12 @@ static int directions_supported(const struct work *w, int32_t x, int32_t y) {
         const struct candidate *b = neighbour(w, x + 2 * dx, y + 2 * dy);
         if (!a || !b)
             continue;
-        float ta = (a->u_px - me->u_px) * (float)directions[k][0] +
-                   (a->v_px - me->v_px) * (float)directions[k][1];
-        float tb = (b->u_px - me->u_px) * (float)directions[k][0] +
-                   (b->v_px - me->v_px) * (float)directions[k][1];
+        float da, ta = along(me, a, directions[k], &da);
+        float db, tb = along(me, b, directions[k], &db);
         if (!(tb - ta > 0.25f * (float)w->strip))
             continue;
         float wa = tb / (tb - ta), wb = -ta / (tb - ta);
-        float off = me->disparity_per_m - wa * a->disparity_per_m - wb * b->disparity_per_m;
+        float off = -wa * da - wb * db;
         float var = me->sigma_per_m * me->sigma_per_m + wa * wa * a->sigma_per_m * a->sigma_per_m +
                     wb * wb * b->sigma_per_m * b->sigma_per_m;
         supported += fabsf(off) <= (float)w->params->agree_sigmas * sqrtf(var) + bend;
