@@ -292,12 +292,29 @@ KERNEL void put_cell(const struct mesh *mesh, const struct cell_row *row,
     }
 }
 
+/* Draws the pixels (i, j) of the boxes of the listed cells: all cells of the row at once if that is
+ * less work than the listed ones by themselves. */
+KERNEL void draw_pixel_of(struct mesh *mesh, const struct cell_row *row,
+                          const struct cell_geometry *geometry, const int32_t *list, int32_t count,
+                          int32_t n, int32_t i, int32_t j) {
+    struct cell_fragments fragments;
+    if (count > n / 6) {
+        cell_fragments_make(row, geometry, i, j, 0, n, &fragments);
+        for (int32_t k = 0; k < count; k++)
+            put_cell(mesh, row, &fragments, list[k], i, j);
+    } else {
+        for (int32_t k = 0; k < count; k++) {
+            cell_fragments_make(row, geometry, i, j, list[k], list[k] + 1, &fragments);
+            put_cell(mesh, row, &fragments, list[k], i, j);
+        }
+    }
+}
+
 /* Draws the listed cells of a row. */
 KERNEL void draw_listed(struct mesh *mesh, const struct cell_row *row,
                         const struct cell_geometry *geometry, const int32_t *list, int32_t count,
                         int32_t n) {
     const struct cell_boxes *boxes = row->boxes;
-    struct cell_fragments fragments;
     int32_t wide = 0, high = 0;
     for (int32_t k = 0; k < count; k++) {
         int32_t u = list[k];
@@ -306,23 +323,18 @@ KERNEL void draw_listed(struct mesh *mesh, const struct cell_row *row,
         high = ny > high ? ny : high;
         mesh->tested += (int64_t)nx * ny;
     }
-    for (int32_t j = 0; j < high && j < CELL_WIDE_PX; j++)
-        for (int32_t i = 0; i < wide && i < CELL_WIDE_PX; i++) {
-            cell_fragments_make(row, geometry, i, j, 0, n, &fragments);
-            for (int32_t k = 0; k < count; k++)
-                put_cell(mesh, row, &fragments, list[k], i, j);
-        }
-    if (wide <= CELL_WIDE_PX && high <= CELL_WIDE_PX)
-        return;
-    for (int32_t k = 0; k < count; k++) {
-        int32_t u = list[k];
-        int32_t nx = boxes->x_hi[u] - boxes->x_lo[u] + 1, ny = boxes->y_hi[u] - boxes->y_lo[u] + 1;
-        for (int32_t j = 0; j < ny; j++)
-            for (int32_t i = j < CELL_WIDE_PX ? CELL_WIDE_PX : 0; i < nx; i++) {
-                cell_fragments_make(row, geometry, i, j, u, u + 1, &fragments);
-                put_cell(mesh, row, &fragments, u, i, j);
+    draw_pixel_of(mesh, row, geometry, list, count, n, 0, 0);
+    for (int32_t j = 0; j < high; j++)
+        for (int32_t i = j ? 0 : 1; i < wide; i++) {
+            int32_t those[ROW_MAX], left = 0;
+            for (int32_t k = 0; k < count; k++) {
+                int32_t u = list[k];
+                those[left] = u;
+                left +=
+                    (boxes->x_lo[u] + i <= boxes->x_hi[u]) & (boxes->y_lo[u] + j <= boxes->y_hi[u]);
             }
-    }
+            draw_pixel_of(mesh, row, geometry, those, left, n, i, j);
+        }
 }
 
 /* Draws the ordinary cells of a row and leaves the others in mesh->todo. */

@@ -10,9 +10,8 @@
 
 #include "raster/raster_band.h"
 
-/* A row's cells are drawn together up to CELL_WIDE_PX pixels each way; of larger ones the rest is
- * drawn one by one, up to CELL_MAX_PX. */
-enum { CELL_WIDE_PX = 2, CELL_MAX_PX = 12 };
+/* Larger cells are not ordinary. */
+enum { CELL_MAX_PX = 12 };
 
 enum vertex_bits {
     VERTEX_THERE = 1, /* has a disparity */
