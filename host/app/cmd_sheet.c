@@ -45,11 +45,19 @@ static enum st add_picture(struct pictures *p, const char *argument, struct errc
     return picture_read_rgb(text, &cell->image, err);
 }
 
+/* By the name's ending: .jpg is a JPEG, all else a PNG. */
+static enum st write_sheet(const char *path, const struct image_u8 *page, struct errctx *err) {
+    const char *ending = strrchr(path, '.');
+    if (ending && !strcmp(ending, ".jpg"))
+        return picture_write_jpeg(path, page, 85, err);
+    return picture_write_png(path, page, err);
+}
+
 int cmd_sheet(int argc, const char **argv) {
     char *output = NULL, *title = NULL, *subtitle = NULL;
     int columns = 3, width_px = 480;
     struct poptOption options[] = {
-        {"output", 'o', POPT_ARG_STRING, &output, 0, "the sheet (PNG)", "FILE"},
+        {"output", 'o', POPT_ARG_STRING, &output, 0, "the sheet (.png or .jpg)", "FILE"},
         {"title", 't', POPT_ARG_STRING, &title, 0, "heading", "TEXT"},
         {"subtitle", 0, POPT_ARG_STRING, &subtitle, 0, "line below it", "TEXT"},
         {"columns", 'c', POPT_ARG_INT | POPT_ARGFLAG_SHOW_DEFAULT, &columns, 0, "pictures in a row",
@@ -89,7 +97,7 @@ int cmd_sheet(int argc, const char **argv) {
     if (!st)
         st = sheet_render(&sheet, &page, &err);
     if (!st)
-        st = picture_write_png(output, &page, &err);
+        st = write_sheet(output, &page, &err);
     exit_status = st ? app_fail("sheet", &err) : APP_DONE;
 out:
     image_u8_destroy(&page);
