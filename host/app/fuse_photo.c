@@ -16,7 +16,7 @@
 #include <string.h>
 
 /* The number counts changes of what fusion computes: results of other numbers are made anew. */
-const char fuse_photo_program[] = "scancart " SCANCART_VERSION " fusion 1";
+const char fuse_photo_program[] = "scancart " SCANCART_VERSION " fusion 2";
 
 void fuse_photos_fini(struct fuse_photos *photos) {
     for (size_t i = 0; i < photos->count; i++)

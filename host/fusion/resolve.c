@@ -23,6 +23,7 @@ struct work {
     struct cluster_rule rule;
     struct candidate *candidates; /* [height][width] */
     uint8_t *refused;             /* layers refused so far */
+    uint8_t *support;             /* directions from which a surface leads up to the pixel, 0..8 */
     int32_t width, height;
     int32_t stride; /* pixels this far apart do not share their samples */
     int32_t strip;  /* how wide a strip of split beams can be, px */
@@ -282,33 +283,6 @@ static bool smooth_here(const struct work *w, int32_t x, int32_t y) {
     return true;
 }
 
-/* What lies on one side of the candidate, up to a strip's width away: bit 0 something clearly
- * nearer, bit 1 something clearly farther. */
-static unsigned side_of(const struct work *w, int32_t x, int32_t y, int32_t dx, int32_t dy) {
-    const struct candidate *me = neighbour(w, x, y);
-    unsigned found = 0;
-    for (int32_t k = 1; k <= w->strip + 1; k++) {
-        const struct candidate *c = neighbour(w, x + k * dx, y + k * dy);
-        if (!c)
-            continue;
-        float step = c->disparity_per_m - me->disparity_per_m, room = noise_of(w, me, c);
-        found |= step > room ? 1u : step < -room ? 2u : 0u;
-    }
-    return found;
-}
-
-/* Whether the candidate lies across an edge: nearer on one side, farther on the other. */
-static bool between(const struct work *w, int32_t x, int32_t y) {
-    static const int32_t lines[4][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
-    for (int k = 0; k < 4; k++) {
-        unsigned a = side_of(w, x, y, lines[k][0], lines[k][1]);
-        unsigned b = side_of(w, x, y, -lines[k][0], -lines[k][1]);
-        if ((a & 1u && b & 2u) || (a & 2u && b & 1u))
-            return true;
-    }
-    return false;
-}
-
 /* Where neighbour c lies along a direction, and how much its disparity differs from the
  * candidate's, less what the surface's gradient explains across that direction. */
 static float along(const struct candidate *me, const struct candidate *c,
@@ -343,16 +317,47 @@ static int directions_supported(const struct work *w, int32_t x, int32_t y) {
         float off = -wa * da - wb * db;
         float var = me->sigma_per_m * me->sigma_per_m + wa * wa * a->sigma_per_m * a->sigma_per_m +
                     wb * wb * b->sigma_per_m * b->sigma_per_m;
-        supported += fabsf(off) <= (float)w->params->agree_sigmas * sqrtf(var) + bend;
+        float slack =
+            bend + 0.3f * fabsf((db - da) / (tb - ta)); /* rough ground at a grazing angle */
+        supported += fabsf(off) <= (float)w->params->agree_sigmas * sqrtf(var) + slack;
     }
     return supported;
+}
+
+/* What surface lies on one side of the candidate, up to a strip's width away: bit 0 one clearly
+ * nearer, bit 1 one clearly farther. What is no surface itself (leaves, grass) says nothing about
+ * edges. */
+static unsigned side_of(const struct work *w, int32_t x, int32_t y, int32_t dx, int32_t dy) {
+    const struct candidate *me = neighbour(w, x, y);
+    unsigned found = 0;
+    for (int32_t k = 1; k <= w->strip + 1; k++) {
+        int32_t u = x + k * dx, v = y + k * dy;
+        const struct candidate *c = neighbour(w, u, v);
+        if (!c || w->support[(size_t)v * (size_t)w->width + (size_t)u] < 2)
+            continue;
+        float step = c->disparity_per_m - me->disparity_per_m, room = noise_of(w, me, c);
+        found |= step > room ? 1u : step < -room ? 2u : 0u;
+    }
+    return found;
+}
+
+/* Whether the candidate lies across an edge: nearer on one side, farther on the other. */
+static bool between(const struct work *w, int32_t x, int32_t y) {
+    static const int32_t lines[4][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
+    for (int k = 0; k < 4; k++) {
+        unsigned a = side_of(w, x, y, lines[k][0], lines[k][1]);
+        unsigned b = side_of(w, x, y, -lines[k][0], -lines[k][1]);
+        if ((a & 1u && b & 2u) || (a & 2u && b & 1u))
+            return true;
+    }
+    return false;
 }
 
 /* A split beam's cluster lies between a nearer and a farther surface, and a surface leads up to it
  * at most from two sides: along the edge. A straight border of a surface has three sides or more, a
  * corner three. */
 static bool floats(const struct work *w, int32_t x, int32_t y) {
-    return !smooth_here(w, x, y) && between(w, x, y) && directions_supported(w, x, y) <= 2;
+    return w->support[(size_t)y * (size_t)w->width + (size_t)x] <= 2 && between(w, x, y);
 }
 
 /* One round over the dirty pixels: each judges by the candidates as they were, so order and threads
@@ -360,6 +365,17 @@ static bool floats(const struct work *w, int32_t x, int32_t y) {
  */
 static int64_t refuse_round(struct work *w, uint8_t *dirty, uint8_t *verdict) {
     size_t pixels = (size_t)w->width * (size_t)w->height;
+#pragma omp parallel for schedule(dynamic, 8)
+    for (int32_t y = 0; y < w->height; y++)
+        for (int32_t x = 0; x < w->width; x++) {
+            size_t i = (size_t)y * (size_t)w->width + (size_t)x;
+            if (!dirty[i])
+                continue;
+            int supported = !neighbour(w, x, y)    ? 0
+                            : smooth_here(w, x, y) ? 8
+                                                   : directions_supported(w, x, y);
+            w->support[i] = (uint8_t)supported;
+        }
 #pragma omp parallel for schedule(dynamic, 8)
     for (int32_t y = 0; y < w->height; y++)
         for (int32_t x = 0; x < w->width; x++) {
@@ -520,8 +536,9 @@ enum st resolve_photo(struct layer_image *image, const struct resolve_params *pa
     enum st st = ST_OK;
     w.candidates = malloc(pixels * sizeof *w.candidates);
     w.refused = calloc(pixels, 1);
+    w.support = calloc(pixels, 1);
     touched = malloc(pixels);
-    if (!w.candidates || !w.refused || !touched) {
+    if (!w.candidates || !w.refused || !w.support || !touched) {
         st = errctx_set(err, ST_NOMEM, "no memory to resolve %zu pixels", pixels);
         goto out;
     }
@@ -551,6 +568,7 @@ enum st resolve_photo(struct layer_image *image, const struct resolve_params *pa
 out:
     free(w.candidates);
     free(w.refused);
+    free(w.support);
     free(touched);
     return st;
 }
