@@ -484,9 +484,9 @@ static void decode_rest(const struct parts *parts, int step, struct tile_samples
     size_t count = (size_t)(s->width * s->height), mask = (count + 7) / 8;
     const uint8_t *p = parts->bytes[PART_REST];
     for (size_t i = 0; i < count; i++) {
-        have[i] = (uint8_t)(p[i / 8] >> (i % 8) & 1u);
+        have[i] = (uint8_t)((unsigned)p[i / 8] >> (i % 8) & 1u);
         s->flags[i] = p[mask + i];
-        s->confidence[i] = (uint8_t)(p[mask + count + i] * step);
+        s->confidence[i] = (uint8_t)((unsigned)p[mask + count + i] * (unsigned)step);
     }
 }
 
