@@ -144,14 +144,14 @@ KERNEL void row_colour(const uint8_t *rgb, int32_t n, uint32_t rgba[ROW_MAX]) {
         rgba[j] = key_rgba(rgb[3 * j], rgb[3 * j + 1], rgb[3 * j + 2], RASTER_ALPHA_SURFACE);
 }
 
-/* Upper half of the key of the pixel at (dx, dy) from a disc's centre, 0 outside. All ways to draw
- * a disc use this and nothing else, so that they agree to the bit. */
-KERNEL uint32_t disc_upper(float top, float fall, float r_px, float dx_px, float dy_px) {
-    float s = dx_px * dx_px + dy_px * dy_px;
+/* Upper half of the key of the pixel at (dx, dy) from a disc's centre, 0 outside; all squared. All
+ * ways to draw a disc use this and nothing else, so that they agree to the bit. */
+KERNEL uint32_t disc_upper(float top, float fall, float r2_px, float dx2_px, float dy2_px) {
+    float s = dx2_px + dy2_px;
     float depth = top - fall * s;
     depth = depth > 0.0f ? depth : 0.0f;
     uint32_t upper = float_bits(depth) + 1u;
-    return s < r_px * r_px ? upper : 0u;
+    return s < r2_px ? upper : 0u;
 }
 
 /* Discs whose bounding squares are at most `side` pixels wide: r <= side / 2. The first pixel is
@@ -173,14 +173,21 @@ KERNEL void row_draw_small(const struct band *band, const uint32_t *rgba, const 
         first_x[j] = ix;
         first_y[j] = iy;
     }
-    for (int32_t i = 0; i < side * side; i++) {
-        int32_t ix = i % side, iy = i / side;
+    float dx2[SMALL_MAX_PX][ROW_MAX], dy2[SMALL_MAX_PX][ROW_MAX], r2[ROW_MAX];
+    for (int32_t i = 0; i < side; i++)
         for (int32_t j = 0; j < n; j++) {
-            float dx = (float)(first_x[j] + ix) - row->x_px[j];
-            float dy = (float)(first_y[j] + iy) - row->y_px[j];
-            top[i][j] = disc_upper(row->top[j], row->fall[j], row->r_px[j], dx, dy);
+            float dx = (float)(first_x[j] + i) - row->x_px[j];
+            float dy = (float)(first_y[j] + i) - row->y_px[j];
+            dx2[i][j] = dx * dx;
+            dy2[i][j] = dy * dy;
         }
-    }
+    for (int32_t j = 0; j < n; j++)
+        r2[j] = row->r_px[j] * row->r_px[j];
+    for (int32_t iy = 0; iy < side; iy++)
+        for (int32_t ix = 0; ix < side; ix++)
+            for (int32_t j = 0; j < n; j++)
+                top[iy * side + ix][j] =
+                    disc_upper(row->top[j], row->fall[j], r2[j], dx2[ix][j], dy2[iy][j]);
     for (int32_t k = 0; k < row->list_count; k++) {
         int32_t j = row->list[k];
         uint64_t lower = rgba[j];
@@ -215,7 +222,8 @@ KERNEL int64_t draw_disc(const struct band *band, const struct row *row, int32_t
         ptrdiff_t line = (iy - band->y0_px) * band->stride;
         uint64_t *key = band->key + line;
         for (int32_t ix = x_lo; ix <= x_hi; ix++) {
-            uint32_t upper = disc_upper(row->top[j], row->fall[j], r, (float)ix - x, dy);
+            float dx = (float)ix - x;
+            uint32_t upper = disc_upper(row->top[j], row->fall[j], r * r, dx * dx, dy * dy);
             uint64_t mine = (uint64_t)upper << 32 | rgba;
             if (!rich)
                 key[ix] = mine > key[ix] ? mine : key[ix];
