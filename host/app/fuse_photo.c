@@ -5,6 +5,7 @@
 #include "base/json.h"
 #include "base/picture.h"
 #include "fusion/frame.h"
+#include "fusion/shade.h"
 #include "raster/skin.h"
 #include "site/files.h"
 #include "site/job.h"
@@ -16,7 +17,7 @@
 #include <string.h>
 
 /* The number counts changes of what fusion computes: results of other numbers are made anew. */
-const char fuse_photo_program[] = "scancart " SCANCART_VERSION " fusion 2";
+const char fuse_photo_program[] = "scancart " SCANCART_VERSION " fusion 4";
 
 void fuse_photos_fini(struct fuse_photos *photos) {
     for (size_t i = 0; i < photos->count; i++)
@@ -138,7 +139,7 @@ static enum st colour(struct site *site, struct fuse_photo *p, struct errctx *er
 
 static enum st make(struct site *site, struct fuse_photo *p, struct fuse_source *source,
                     const struct layer_params *layer, const struct resolve_params *resolve,
-                    struct errctx *err) {
+                    bool shade, struct errctx *err) {
     struct layer_image image = {0};
     struct pose sensor_from_cam = p->station_from_cam; /* samples are relative to the sensor */
     sensor_from_cam.t_m = vec3_sub(sensor_from_cam.t_m, source->origin_m);
@@ -156,6 +157,8 @@ static enum st make(struct site *site, struct fuse_photo *p, struct fuse_source 
     p->photo.station_from_cam = p->station_from_cam;
     struct skin_params skins = skin_params_default();
     (void)skin_mark(&p->photo, &skins);
+    if (shade)
+        shade_photo(&p->photo, &p->world_from_station.r);
     return p->frame_id ? colour(site, p, err) : ST_OK;
 }
 
@@ -202,7 +205,8 @@ static enum st one(struct site *site, struct fuse_photo *p, struct fuse_source *
     st = find_made(site, &job, p, err);
     if (st == ST_NOT_FOUND) {
         int64_t start_ns = clock_now_ns();
-        st = make(site, p, source, &layer, &resolve, err);
+        bool shade = !survey->has_colour && !(survey->intensity_high > 0.0f);
+        st = make(site, p, source, &layer, &resolve, shade, err);
         p->seconds = 1e-9 * (double)(clock_now_ns() - start_ns);
         if (!st)
             st = store(site, p, &job, err);

@@ -56,6 +56,20 @@ static enum st next_chunk(struct fuse_source *s, struct errctx *err) {
     }
 }
 
+/* Along the instrument's lines: samples follow each other in its grid. */
+static void meter_polar(struct fuse_source *s, const struct polar_sample *samples, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        const struct polar_sample *p = samples + i;
+        if (!((p->row == s->row && p->column == s->column + 1) ||
+              (p->column == s->column && p->row == s->row + 1)))
+            noise_meter_add(s->meter, (double)NAN, (double)NAN);
+        noise_meter_add(s->meter, (double)p->range_m,
+                        p->flags & SAMPLE_INTENSITY ? (double)p->intensity : (double)NAN);
+        s->row = p->row;
+        s->column = p->column;
+    }
+}
+
 static size_t unpack_polar(struct fuse_source *s, struct scatter_sample *out) {
     static const struct scatter_noise none = {0, 0};
     struct polar_sample batch[256];
@@ -63,6 +77,8 @@ static size_t unpack_polar(struct fuse_source *s, struct scatter_sample *out) {
     while (left && total + 256 <= POLAR_BATCH) {
         size_t n = left < 256 ? left : 256;
         memcpy(batch, (const uint8_t *)s->chunk.payload + s->chunk_at, n * sizeof *batch);
+        if (s->meter)
+            meter_polar(s, batch, n);
         scatter_from_polar(batch, n, vec3_make(0, 0, 0), &none, out + total);
         for (size_t i = 0; i < n; i++) {
             struct scatter_sample *o = out + total + i;
@@ -90,6 +106,9 @@ static size_t unpack_head(struct fuse_source *s, struct scatter_sample *out) {
             s->chunk_started = true;
         }
         t_ns[n] = s->chunk.t_first_ns + (packets[n].head_t_ns - s->chunk_head_t_ns);
+        for (unsigned i = 0; s->meter && i < packets[n].sample_count; i++)
+            noise_meter_add(s->meter, head_range_m(packets[n].samples[i].range),
+                            packets[n].samples[i].intensity / 65535.0);
         n++;
     }
     s->damaged_packets += (int64_t)stats.damaged;
@@ -153,52 +172,34 @@ static enum st source_next(void *context, struct scatter_sample *out_samples, si
 
 /* ---- noise ---- */
 
-/* Along a polar stream's lines: samples follow each other in the instrument's grid. */
-static enum st measure_polar(struct fuse_source *s, struct noise_meter *meter, struct errctx *err) {
-    enum st st = source_rewind(s, err);
-    uint32_t row = 0, column = 0;
-    while (!st && !(st = next_chunk(s, err))) {
-        const uint8_t *bytes = s->chunk.payload;
-        for (size_t at = 0; at + sizeof(struct polar_sample) <= s->chunk.size_bytes;
-             at += sizeof(struct polar_sample)) {
-            struct polar_sample p;
-            memcpy(&p, bytes + at, sizeof p);
-            if (!((p.row == row && p.column == column + 1) ||
-                  (p.column == column && p.row == row + 1)))
-                noise_meter_add(meter, (double)NAN, (double)NAN);
-            noise_meter_add(meter, (double)p.range_m,
-                            p.flags & SAMPLE_INTENSITY ? (double)p.intensity : (double)NAN);
-            row = p.row;
-            column = p.column;
-        }
+/* Sigmas that were made with an assumed model, made with the measured one. What else went into them
+ * stays. */
+static void renew_sigmas(struct scatter_sample *samples, size_t count,
+                         const struct noise_model *assumed, const struct noise_model *measured) {
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < count; i++) {
+        struct scatter_sample *s = samples + i;
+        if (s->flags & (SAMPLE_NO_RETURN | SAMPLE_DROPPED))
+            continue;
+        struct vec3 p = {(double)s->p_m[0], (double)s->p_m[1], (double)s->p_m[2]};
+        double intensity = s->flags & SAMPLE_INTENSITY ? (double)s->intensity : (double)NAN;
+        double range_m = vec3_norm(p), old = (double)s->sigma_m;
+        double was = noise_sigma(assumed, intensity, range_m);
+        double is = noise_sigma(measured, intensity, range_m);
+        s->sigma_m = (float)sqrt(fmax(old * old - was * was, 0.0) + is * is);
     }
-    return st == ST_NOT_FOUND ? ST_OK : st;
 }
 
-/* Along the mirror's turns. */
-static enum st measure_head(struct fuse_source *s, struct noise_meter *meter, struct errctx *err) {
-    static struct head_packet packet;
-    enum st st = source_rewind(s, err);
-    while (!st && !(st = next_chunk(s, err))) {
-        struct head_stream_stats stats = {0};
-        while (
-            !head_stream_next(s->chunk.payload, s->chunk.size_bytes, &s->chunk_at, &packet, &stats))
-            for (unsigned i = 0; i < packet.sample_count; i++)
-                noise_meter_add(meter, head_range_m(packet.samples[i].range),
-                                packet.samples[i].intensity / 65535.0);
-    }
-    return st == ST_NOT_FOUND ? ST_OK : st;
-}
-
+/* Reads the stream once for its noise alone. */
 static enum st measure_noise(struct fuse_source *s, struct errctx *err) {
-    struct noise_meter *meter = malloc(sizeof *meter);
-    if (!meter)
+    enum st st = source_rewind(s, err);
+    size_t got = 1;
+    struct scatter_sample *ignored = malloc(READY * sizeof *ignored);
+    if (!ignored)
         return errctx_set(err, ST_NOMEM, "no memory to measure the noise");
-    noise_meter_init(meter);
-    enum st st = s->rays ? measure_head(s, meter, err) : measure_polar(s, meter, err);
-    if (!st)
-        (void)noise_meter_read(meter, noise_floor_m, &s->noise);
-    free(meter);
+    while (!st && got)
+        st = source_next(s, ignored, READY, &got, err);
+    free(ignored);
     return st;
 }
 
@@ -265,6 +266,30 @@ static enum st fill_cache(struct fuse_source *s, size_t limit, struct errctx *er
     return ST_OK;
 }
 
+/* One pass that fills the cache and measures the noise; another for the noise where the cache is
+ * too small. */
+static enum st read_once(struct fuse_source *s, const struct fuse_source_options *options,
+                         struct errctx *err) {
+    struct noise_model assumed = s->noise;
+    s->meter = options->sigma_m > 0 ? NULL : malloc(sizeof *s->meter);
+    if (!s->meter && !(options->sigma_m > 0))
+        return errctx_set(err, ST_NOMEM, "no memory to measure the noise");
+    if (s->meter)
+        noise_meter_init(s->meter);
+    enum st st = fill_cache(s, options->cache_samples, err);
+    if (!st && s->meter && !s->cache) {
+        noise_meter_init(s->meter);
+        st = measure_noise(s, err);
+    }
+    if (!st && s->meter && noise_meter_read(s->meter, noise_floor_m, &s->noise) && s->cache)
+        renew_sigmas(s->cache, s->cache_count, &assumed, &s->noise);
+    free(s->meter);
+    s->meter = NULL;
+    if (s->rays)
+        s->rays->noise = s->noise;
+    return st;
+}
+
 enum st fuse_source_open(struct site *site, int64_t station_id,
                          const struct fuse_source_options *options, struct fuse_source *out_source,
                          struct errctx *err) {
@@ -295,12 +320,8 @@ enum st fuse_source_open(struct site *site, int64_t station_id,
         st = errctx_set(err, ST_NOMEM, "no memory to read samples");
     if (!st && head)
         st = open_head(s, station_id, options, err);
-    if (!st && !(options->sigma_m > 0))
-        st = measure_noise(s, err);
-    if (!st && s->rays)
-        s->rays->noise = s->noise;
     if (!st)
-        st = fill_cache(s, options->cache_samples, err);
+        st = read_once(s, options, err);
     if (st)
         fuse_source_close(s);
     return st;

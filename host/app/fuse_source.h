@@ -44,6 +44,8 @@ struct fuse_source {
     struct scatter_sample *cache; /* the whole stream, where it fits */
     size_t cache_count;
     struct scatter_array cached;
+    struct noise_meter *meter; /* while the noise is measured */
+    uint32_t row, column;      /* of the polar sample before */
 };
 
 struct fuse_source_options {

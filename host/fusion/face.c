@@ -152,14 +152,25 @@ static double spacing_of(struct survey_scratch *scratch) {
                 halve(scratch->bits[face], size);
         }
     }
-    for (int level = LEVELS - 2; level >= 0; level--) {
-        double share = (double)cells[level] / (4.0 * (double)cells[level + 1]);
-        double cell_rad = 2.0 / (double)((size_t)FINE >> level);
-        if (share < 0.8)
-            /* A cell of a cube map covers 0.724 of its size on average over a face. */
-            return 0.724 * fmin(cell_rad / sqrt(share), 2.0 * cell_rad);
+    /* The finest size at which halving still nearly quadruples the number is where cells and
+     * spacing meet; at the coarse end the border of what was looked at counts, so that end says
+     * nothing. */
+    int level = 0;
+    double share = 0.0;
+    for (; level < LEVELS - 1; level++) {
+        double finer = share;
+        share = (double)cells[level] / (4.0 * (double)cells[level + 1]);
+        if (share < 0.5)
+            continue;
+        if (share > 0.9 && level > 0) { /* this size is full: the finer one tells by how much */
+            share = finer;
+            level--;
+        }
+        break;
     }
-    return 2.0 / FINE;
+    double cell_rad = 2.0 / (double)((size_t)FINE >> level);
+    /* A cell of a cube map covers 0.724 of its size on average over a face. */
+    return 0.724 * cell_rad / sqrt(fmin(fmax(share, 0.0625), 1.0));
 }
 
 static float high_intensity(const int64_t histogram[BINS]) {
