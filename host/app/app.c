@@ -2,11 +2,11 @@
 
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 
 int app_fail(const char *name, const struct errctx *err) {
     (void)fflush(stdout);
-    (void)fprintf(stderr, "scancart %s: %s\n", name,
-                  err->text[0] ? err->text : st_name(err->st));
+    (void)fprintf(stderr, "scancart %s: %s\n", name, err->text[0] ? err->text : st_name(err->st));
     return APP_FAILED;
 }
 
@@ -18,6 +18,23 @@ int app_usage_error(const char *name, const char *fmt, ...) {
     (void)fprintf(stderr, " (see scancart %s --help)\n", name);
     va_end(args);
     return APP_USAGE;
+}
+
+void app_free_options(const struct poptOption *table) {
+    for (const struct poptOption *o = table; o->longName || o->shortName || o->arg; o++) {
+        unsigned kind = o->argInfo & POPT_ARG_MASK;
+        if (kind == POPT_ARG_STRING) {
+            char **text = o->arg;
+            free(*text);
+            *text = NULL;
+        } else if (kind == POPT_ARG_ARGV) {
+            char ***list = o->arg;
+            for (char **text = *list; text && *text; text++)
+                free(*text);
+            free(*list);
+            *list = NULL;
+        }
+    }
 }
 
 int app_parse_exit(enum st st) {
@@ -33,10 +50,9 @@ enum st app_parse(const struct app_usage *usage, int argc, const char **argv,
         {"help", 'h', POPT_ARG_NONE, &help, 0, "show this help", NULL},
         POPT_TABLEEND};
     struct poptOption *common = usage->out_json ? with_json : with_json + 1;
-    struct poptOption table[] = {
-        {NULL, 0, POPT_ARG_INCLUDE_TABLE, NULL, 0, NULL, NULL},
-        {NULL, 0, POPT_ARG_INCLUDE_TABLE, NULL, 0, NULL, NULL},
-        POPT_TABLEEND};
+    struct poptOption table[] = {{NULL, 0, POPT_ARG_INCLUDE_TABLE, NULL, 0, NULL, NULL},
+                                 {NULL, 0, POPT_ARG_INCLUDE_TABLE, NULL, 0, NULL, NULL},
+                                 POPT_TABLEEND};
     union { /* popt's table wants a plain pointer to a table that it does not change */
         const struct poptOption *in;
         struct poptOption *out;

@@ -1,5 +1,5 @@
-/* What every subcommand of the program shares: options, the one place where errors are printed, JSON or
- * text output. */
+/* What every subcommand of the program shares: options, the one place where errors are printed,
+ * JSON or text output. */
 #ifndef SC_APP_APP_H
 #define SC_APP_APP_H
 
@@ -18,11 +18,11 @@ struct app_command {
     int (*run)(int argc, const char **argv);
 };
 
-/* Parses `argv` with a popt table (without help entries: they are added, with --json if out_json is not
- * NULL). `synopsis` is what follows "scancart NAME", `about` a paragraph with at least one example; both
- * are printed by --help. Returns ST_OK and the context from which positional arguments are taken with
- * poptGetArg() (free with poptFreeContext()); ST_CANCELLED after --help (exit APP_DONE);
- * ST_INVALID after a usage error already printed (exit APP_USAGE). */
+/* Parses `argv` with a popt table (without help entries: they are added, with --json if out_json is
+ * not NULL). `synopsis` is what follows "scancart NAME", `about` a paragraph with at least one
+ * example; both are printed by --help. Returns ST_OK and the context from which positional
+ * arguments are taken with poptGetArg() (free with poptFreeContext()); ST_CANCELLED after --help
+ * (exit APP_DONE); ST_INVALID after a usage error already printed (exit APP_USAGE). */
 struct app_usage {
     const char *name, *synopsis, *about;
     const struct poptOption *options; /* ends with POPT_TABLEEND; may be NULL */
@@ -31,10 +31,14 @@ struct app_usage {
 ST_MUST_CHECK enum st app_parse(const struct app_usage *usage, int argc, const char **argv,
                                 poptContext *out_context);
 
+/* Frees what popt allocated for the strings and lists of a table and sets them to NULL. */
+void app_free_options(const struct poptOption *table);
+
 /* The exit status for a status of app_parse(). */
 int app_parse_exit(enum st st);
 
-/* Prints "scancart NAME: text" on stderr and returns APP_FAILED; the only place errors are printed. */
+/* Prints "scancart NAME: text" on stderr and returns APP_FAILED; the only place errors are printed.
+ */
 int app_fail(const char *name, const struct errctx *err);
 
 /* Prints a usage error and returns APP_USAGE. */

@@ -134,5 +134,6 @@ int cmd_twin_config(int argc, const char **argv) {
     if (!st)
         st = twin_config_write(&config, stdout, &err);
     (void)poptFreeContext(context);
+    app_free_options(options);
     return st ? app_fail("twin config", &err) : APP_DONE;
 }

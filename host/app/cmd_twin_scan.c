@@ -285,5 +285,6 @@ int cmd_twin_scan(int argc, const char **argv) {
     else
         status = run(&o, scene, path, &err) ? app_fail("twin scan", &err) : APP_DONE;
     (void)poptFreeContext(context);
+    app_free_options(options);
     return status;
 }

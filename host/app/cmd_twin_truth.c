@@ -244,5 +244,6 @@ int cmd_twin_truth(int argc, const char **argv) {
     else
         status = app_usage_error("twin truth", "give a scene and --ray, or --site and --truth");
     (void)poptFreeContext(context);
+    app_free_options(options);
     return status;
 }
