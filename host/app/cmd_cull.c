@@ -46,12 +46,14 @@ static int run(const char *path, const struct fuse_settings *settings, bool json
 }
 
 int cmd_cull(int argc, const char **argv) {
-    double threshold = 1, error_mm = 1;
+    double threshold = 1, error_mm = 1, pose_sigma_mm = 0;
     int drop_frontier = 0;
     bool json = false;
     const struct poptOption options[] = {
         {"threshold", 't', POPT_ARG_DOUBLE, &threshold, 0, "how aggressive: 0 to 100 (1)", "X"},
         {"error-mm", 0, POPT_ARG_DOUBLE, &error_mm, 0, "error of the tiles up to 6 m (1)", "MM"},
+        {"pose-sigma-mm", 0, POPT_ARG_DOUBLE, &pose_sigma_mm, 0,
+         "how well the stations' places are known (as they say themselves)", "MM"},
         {"drop-frontier", 0, POPT_ARG_NONE, &drop_frontier, 0,
          "also tiles whose skins say what is unknown", NULL},
         POPT_TABLEEND};
@@ -73,6 +75,9 @@ int cmd_cull(int argc, const char **argv) {
         status = app_usage_error("cull", "--threshold %g: 0 to 100", threshold);
     else if (!(error_mm > 0 && error_mm <= 1000))
         status = app_usage_error("cull", "--error-mm %g: more than 0, at most 1000", error_mm);
+    else if (!(pose_sigma_mm >= 0 && pose_sigma_mm <= 1e4))
+        status = app_usage_error("cull", "--pose-sigma-mm %g: 0 to 10000", pose_sigma_mm);
+    settings.pose_sigma_m = pose_sigma_mm / 1000;
     settings.cull.threshold = threshold;
     settings.cull.keep_frontier = !drop_frontier;
     settings.pack.error_m = error_mm / 1000;

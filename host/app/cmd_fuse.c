@@ -25,7 +25,7 @@ static const char about[] =
 
 struct arguments {
     char *quality, *calibration;
-    double error_mm, threshold;
+    double error_mm, threshold, pose_sigma_mm;
     int faces;
 };
 
@@ -53,6 +53,9 @@ static int settings_of(const struct arguments *a, struct fuse_settings *out) {
             return app_usage_error("fuse", "--threshold %g: 0 to 100", a->threshold);
         out->cull.threshold = a->threshold;
     }
+    if (!(a->pose_sigma_mm >= 0 && a->pose_sigma_mm <= 1e4))
+        return app_usage_error("fuse", "--pose-sigma-mm %g: 0 to 10000", a->pose_sigma_mm);
+    out->pose_sigma_m = a->pose_sigma_mm / 1000;
     out->faces_always = a->faces != 0;
     return 0;
 }
@@ -142,6 +145,8 @@ int cmd_fuse(int argc, const char **argv) {
         {"error-mm", 0, POPT_ARG_DOUBLE, &a.error_mm, 0, "error of the tiles up to 6 m (1)", "MM"},
         {"threshold", 0, POPT_ARG_DOUBLE, &a.threshold, 0,
          "how much worse may replace what is shown twice; 0 keeps all (1)", "X"},
+        {"pose-sigma-mm", 0, POPT_ARG_DOUBLE, &a.pose_sigma_mm, 0,
+         "how well the stations' places are known (as they say themselves)", "MM"},
         {"faces", 0, POPT_ARG_NONE, &a.faces, 0, "cube faces too where there are camera frames",
          NULL},
         POPT_TABLEEND};

@@ -19,7 +19,8 @@ struct fuse_photo {
     char name[SITE_NAME_MAX];
     int64_t station_id;
     struct pose world_from_station;
-    struct camera camera; /* the pinhole */
+    double pose_sigma_m, pose_sigma_rad; /* of the station */
+    struct camera camera;                /* the pinhole */
     struct pose station_from_cam;
     /* from a frame; frame_id 0: coloured by the samples */
     int64_t frame_id;

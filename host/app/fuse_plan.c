@@ -21,9 +21,27 @@ static enum st add(struct fuse_photos *photos, const struct fuse_photo *photo, s
     return ST_OK;
 }
 
-static struct fuse_photo blank(const struct station *station, const char *what) {
+void fuse_plan_pose_sigma(const struct station_pose *pose, const struct fuse_settings *settings,
+                          double *out_sigma_m, double *out_sigma_rad) {
+    const double *c = pose->covariance;
+    if (settings->pose_sigma_m > 0) {
+        *out_sigma_m = settings->pose_sigma_m;
+        *out_sigma_rad = 0.1 * settings->pose_sigma_m; /* as seen from 10 m */
+    } else if (pose->has_covariance) {
+        *out_sigma_rad = sqrt((c[0] + c[7] + c[14]) / 3.0);
+        *out_sigma_m = sqrt((c[21] + c[28] + c[35]) / 3.0);
+    } else {
+        bool guess = !strcmp(pose->source, "nominal");
+        *out_sigma_m = guess ? 0.2 : 0.02;
+        *out_sigma_rad = guess ? 0.05 : 0.005;
+    }
+}
+
+static struct fuse_photo blank(const struct station *station, const struct fuse_settings *settings,
+                               const char *what) {
     struct fuse_photo p;
     memset(&p, 0, sizeof p);
+    fuse_plan_pose_sigma(&station->pose, settings, &p.pose_sigma_m, &p.pose_sigma_rad);
     p.station_id = station->id;
     p.world_from_station = station->pose.world_from_station;
     (void)snprintf(p.name, sizeof p.name, "%.30s-%.30s", station->name, what);
@@ -39,7 +57,7 @@ static enum st plan_faces(const struct station *station, const struct fuse_sourc
     if (!survey->return_count)
         return ST_OK; /* nothing but no returns: there is nothing to show */
     if (!isnan(survey->half_angle_rad)) {
-        struct fuse_photo p = blank(station, "view");
+        struct fuse_photo p = blank(station, s, "view");
         face_narrow(survey, pixel_rad, s->face_max_px, &p.camera, &p.station_from_cam);
         p.station_from_cam.t_m = source->origin_m;
         return add(photos, &p, err);
@@ -48,7 +66,7 @@ static enum st plan_faces(const struct station *station, const struct fuse_sourc
     for (int face = 0; !st && face < FACE_COUNT; face++) {
         if (!survey->seen[face])
             continue;
-        struct fuse_photo p = blank(station, face_name(face));
+        struct fuse_photo p = blank(station, s, face_name(face));
         p.camera = face_camera(face_size_px(pixel_rad, s->face_max_px));
         p.station_from_cam = face_station_from_cam(face);
         p.station_from_cam.t_m = source->origin_m;
@@ -109,7 +127,7 @@ static enum st plan_frame(struct site *site, const struct station *station,
                           (long long)row->id);
     char what[32];
     (void)snprintf(what, sizeof what, "frame%lld", (long long)row->id);
-    struct fuse_photo p = blank(station, what);
+    struct fuse_photo p = blank(station, s, what);
     p.frame_id = row->id;
     memcpy(p.frame_sha256, row->sha256, sizeof p.frame_sha256);
     memcpy(p.camera_sha256, record.sha256, sizeof p.camera_sha256);

@@ -12,4 +12,9 @@ ST_MUST_CHECK enum st fuse_plan_station(struct site *site, const struct station 
                                         const struct fuse_settings *settings,
                                         struct fuse_photos *photos, struct errctx *err);
 
+/* How well a station's pose is known: from its covariance; else as the settings say; else by where
+ * it is from. A guess (nominal) is not good enough to compare stations by. */
+void fuse_plan_pose_sigma(const struct station_pose *pose, const struct fuse_settings *settings,
+                          double *out_sigma_m, double *out_sigma_rad);
+
 #endif

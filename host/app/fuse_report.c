@@ -64,6 +64,10 @@ static void print_skins(const struct fuse_skins_result *s) {
         (void)printf("skins: of %" PRId64 " cells that bridge a step %" PRId64
                      " were seen through from elsewhere (%" PRId64 " pairs of views, %.1f s)\n",
                      s->counts.candidates, s->counts.disproved, s->counts.pairs, s->seconds);
+    if (s->ran && s->counts.unsure > s->counts.disproved)
+        (void)printf(
+            "  the stations' poses are not known well enough to say more: register them, or "
+            "give --pose-sigma-mm\n");
 }
 
 /* What was chosen, and why. */

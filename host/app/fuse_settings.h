@@ -23,7 +23,8 @@ struct fuse_settings {
     enum calib_status calibration; /* 0: the best there is */
     bool faces_always;             /* cube faces even where there are frames */
     size_t cache_samples;
-    double sigma_m; /* 0: measured */
+    double sigma_m;      /* of ranges; 0: measured */
+    double pose_sigma_m; /* of every station; 0: as the stations say */
     double sigma_angle_rad, sigma_system_m;
     struct layer_params layer;
     struct resolve_params resolve;

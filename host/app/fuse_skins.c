@@ -30,6 +30,8 @@ static void put_poses(struct json *json, const struct fuse_photos *photos) {
         json_number(json, one, NULL, p->t_m.x);
         json_number(json, one, NULL, p->t_m.y);
         json_number(json, one, NULL, p->t_m.z);
+        json_number(json, one, NULL, photos->list[i].pose_sigma_m);
+        json_number(json, one, NULL, photos->list[i].pose_sigma_rad);
     }
 }
 
@@ -38,7 +40,6 @@ static enum st parameters(const struct fuse_photos *photos, const struct reproje
     struct json json;
     json_init_object(&json);
     json_number(&json, NULL, "sigmas", p->sigmas);
-    json_number(&json, NULL, "pose_sigma_m", p->pose_sigma_m);
     json_number(&json, NULL, "step_sigmas", p->step_sigmas);
     json_number(&json, NULL, "step_grazing_rad", p->step_grazing_rad);
     json_integer(&json, NULL, "view_px", p->view_px);
@@ -99,7 +100,8 @@ static enum st compute(struct site *site, struct fuse_photos *photos,
         st = fuse_photo_load(site, p, p->made_sha256, err);
         if (st)
             break;
-        views[i] = (struct reproject_view){&p->photo, p->world_from_station, p->station_id};
+        views[i] = (struct reproject_view){&p->photo, p->world_from_station, p->station_id,
+                                           p->pose_sigma_m, p->pose_sigma_rad};
         before[i] = hash_crc32c(0, p->photo.flags,
                                 (size_t)p->camera.width_px * (size_t)p->camera.height_px);
     }

@@ -1,5 +1,7 @@
 #include "app/fuse_tiles.h"
 
+#include "app/fuse_plan.h"
+
 #include "base/clock.h"
 #include "base/json.h"
 #include "site/files.h"
@@ -25,7 +27,8 @@ static bool is_fused(struct site *site, const struct photo_row *row) {
 }
 
 static enum st add(struct fuse_photos *out, const struct photo_row *row,
-                   const struct station *station, struct errctx *err) {
+                   const struct station *station, const struct fuse_settings *settings,
+                   struct errctx *err) {
     struct fuse_photo *grown = realloc(out->list, (out->count + 1) * sizeof *grown);
     if (!grown)
         return errctx_set(err, ST_NOMEM, "no memory for %zu photographs", out->count + 1);
@@ -35,6 +38,7 @@ static enum st add(struct fuse_photos *out, const struct photo_row *row,
     memcpy(p->name, row->name, sizeof p->name);
     p->station_id = row->station_id;
     p->world_from_station = station->pose.world_from_station;
+    fuse_plan_pose_sigma(&station->pose, settings, &p->pose_sigma_m, &p->pose_sigma_rad);
     p->station_from_cam = row->station_from_cam;
     p->camera.width_px = row->width_px;
     p->camera.height_px = row->height_px;
@@ -45,7 +49,8 @@ static enum st add(struct fuse_photos *out, const struct photo_row *row,
 
 /* Rows of one station: the fused ones, else all. */
 static enum st collect_station(struct site *site, const struct station *station,
-                               struct fuse_photos *out, struct errctx *err) {
+                               const struct fuse_settings *settings, struct fuse_photos *out,
+                               struct errctx *err) {
     struct photo_row rows[PAGE];
     enum st st = ST_OK;
     size_t before = out->count;
@@ -56,14 +61,15 @@ static enum st collect_station(struct site *site, const struct station *station,
             for (size_t i = 0; !st && i < count; i++) {
                 after = rows[i].id;
                 if (!fused_only || is_fused(site, &rows[i]))
-                    st = add(out, &rows[i], station, err);
+                    st = add(out, &rows[i], station, settings, err);
             }
         }
     }
     return st;
 }
 
-static enum st collect(struct site *site, struct fuse_photos *out, struct errctx *err) {
+static enum st collect(struct site *site, const struct fuse_settings *settings,
+                       struct fuse_photos *out, struct errctx *err) {
     struct station stations[PAGE];
     size_t count = PAGE;
     enum st st = ST_OK;
@@ -71,7 +77,7 @@ static enum st collect(struct site *site, struct fuse_photos *out, struct errctx
         st = station_list(site, after, stations, PAGE, &count, err);
         for (size_t i = 0; !st && i < count; i++) {
             after = stations[i].id;
-            st = collect_station(site, &stations[i], out, err);
+            st = collect_station(site, &stations[i], settings, out, err);
         }
     }
     if (!st && !out->count)
@@ -135,7 +141,6 @@ static enum st parameters(const struct fuse_photos *photos, const struct fuse_se
     json_boolean(&json, NULL, "cull", s->reproject);
     json_number(&json, NULL, "threshold", s->cull.threshold);
     json_number(&json, NULL, "cull_sigmas", s->cull.sigmas);
-    json_number(&json, NULL, "pose_sigma_m", s->cull.pose_sigma_m);
     json_number(&json, NULL, "doubt", s->cull.doubt);
     json_integer(&json, NULL, "keep_frontier", s->cull.keep_frontier);
     struct cJSON *list = json_array(&json, NULL, "photos");
@@ -149,6 +154,8 @@ static enum st parameters(const struct fuse_photos *photos, const struct fuse_se
         json_number(&json, pose, NULL, p->t_m.x);
         json_number(&json, pose, NULL, p->t_m.y);
         json_number(&json, pose, NULL, p->t_m.z);
+        json_number(&json, pose, NULL, photos->list[i].pose_sigma_m);
+        json_number(&json, pose, NULL, photos->list[i].pose_sigma_rad);
     }
     enum st st = json_print(&json, out_text, err);
     json_fini(&json);
@@ -202,7 +209,12 @@ static enum st cull(const struct fuse_photos *photos, const struct fuse_settings
     for (size_t i = 0; !st && i < photos->count; i++) {
         const struct fuse_photo *p = &photos->list[i];
         masks[i] = calloc(photo_tile_count(p->camera.width_px, p->camera.height_px), 1);
-        views[i] = (struct cull_view){&p->photo, p->world_from_station, masks[i]};
+        views[i] = (struct cull_view){.photo = &p->photo,
+                                      .world_from_station = p->world_from_station,
+                                      .station = p->station_id,
+                                      .pose_sigma_m = p->pose_sigma_m,
+                                      .pose_sigma_rad = p->pose_sigma_rad,
+                                      .culled = masks[i]};
         st = masks[i] ? ST_OK : ST_NOMEM;
     }
     if (st)
@@ -292,7 +304,7 @@ enum st fuse_tiles(struct site *site, struct fuse_photos *photos,
     struct job_hash *inputs = NULL;
     char *text = NULL;
     memset(&result, 0, sizeof result);
-    enum st st = collect(site, &all, err);
+    enum st st = collect(site, settings, &all, err);
     if (!st)
         st = parameters(&all, settings, &text, err);
     if (!st && !(inputs = calloc(all.count, sizeof *inputs)))

@@ -5,8 +5,7 @@
 #include <string.h>
 
 struct cull_params cull_params_default(void) {
-    struct cull_params params = {
-        .threshold = 1.0, .sigmas = 4.0, .pose_sigma_m = 0.002, .doubt = 4.0, .keep_frontier = 1};
+    struct cull_params params = {.threshold = 1.0, .sigmas = 4.0, .doubt = 4.0, .keep_frontier = 1};
     return params;
 }
 
@@ -138,8 +137,8 @@ static struct look look_at_sky(const struct eye *b, double x, double y, float ar
 
 /* Is the sample of A at `q` (homogeneous in B: [x y z; delta]) on a solid cell of B, and is B
  * better? */
-static struct look look_from(const struct culler *c, const struct eye *b, struct vec3 q,
-                             double delta, double sigma_a, float area) {
+static struct look look_from(const struct culler *c, const struct eye *a, const struct eye *b,
+                             struct vec3 q, double delta, double sigma_a, float area) {
     struct look look = {false, false};
     const struct photo *photo = b->view->photo;
     if (!(q.z > 1e-9))
@@ -160,7 +159,15 @@ static struct look look_from(const struct culler *c, const struct eye *b, struct
     double here = (1 - fy) * ((1 - fx) * (double)d[i] + fx * (double)d[i + 1]) +
                   fy * ((1 - fx) * (double)d[i + w] + fx * (double)d[i + w + 1]);
     double seen = delta / q.z, sigma_b = c->sigma[photo->confidence[i]];
-    double sa = sigma_a * seen * seen, sp = c->params->pose_sigma_m * seen * seen;
+    double sa = sigma_a * seen * seen, sp = 0.0;
+    if (a->view->station != b->view->station) {
+        double sigma_m = hypot(a->view->pose_sigma_m, b->view->pose_sigma_m);
+        double sigma_rad = hypot(a->view->pose_sigma_rad, b->view->pose_sigma_rad);
+        /* Stations that do not fit to a pixel of B cannot stand in for each other. */
+        if (photo->camera.fx_px * (sigma_m * seen + sigma_rad) > 1.0)
+            return look;
+        sp = sigma_m * seen * seen;
+    }
     /* Half a pixel of B's own slope: places are known no better. */
     double lean =
         0.25 * (fabs((double)d[i + 1] - (double)d[i]) + fabs((double)d[i + w] - (double)d[i]));
@@ -188,7 +195,7 @@ static bool sample_redundant(const struct culler *c, const struct eye *a, const 
         const struct eye *b = c->eyes + others[k];
         struct vec3 base = vec3_sub(a->world_from_cam.t_m, b->world_from_cam.t_m);
         struct vec3 q = mat3_tmulv(&b->world_from_cam.r, vec3_madd(ray, base, delta));
-        struct look look = look_from(c, b, q, delta, sigma_m, area);
+        struct look look = look_from(c, a, b, q, delta, sigma_m, area);
         if (owned ? look.better : look.covered)
             return true;
     }

@@ -27,6 +27,8 @@ extern "C" {
 struct cull_view {
     const struct photo *photo; /* with skins marked */
     struct pose world_from_station;
+    int64_t station;                     /* poses of one station err together */
+    double pose_sigma_m, pose_sigma_rad; /* of the station's pose */
     uint8_t *culled; /* [photo_tile_count()]: output, 1 where the tile is redundant */
 };
 
@@ -34,12 +36,11 @@ struct cull_params {
     double threshold; /* how much worse a sample may be and still replace another: its pixel may
                          cover so many times the area. 0: cull nothing; 1: only what is shown
                          better; 2: aggressive */
-    double sigmas; /* two samples show one surface if they differ by so many sigmas at most ... */
-    double pose_sigma_m;   /* ... of samples and stations */
-    double doubt;          /* penalty factor on the area for flagged pixels */
+    double sigmas;    /* two samples show one surface if they differ by so many sigmas at most */
+    double doubt;     /* penalty factor on the area for flagged pixels */
     int32_t keep_frontier; /* 1: tiles with undisproved skins stay: they say what is unknown */
 };
-/* threshold 1, 4 sigmas, 2 mm, 4, frontier kept. */
+/* threshold 1, 4 sigmas, doubt 4, frontier kept. */
 struct cull_params cull_params_default(void);
 
 struct cull_counts {

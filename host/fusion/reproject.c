@@ -8,7 +8,6 @@
 
 struct reproject_params reproject_params_default(void) {
     struct reproject_params params = {.sigmas = 5.0,
-                                      .pose_sigma_m = 0.002,
                                       .step_sigmas = 4.0,
                                       .step_grazing_rad = 1.22, /* 70 degrees */
                                       .view_px = 1024,
@@ -65,6 +64,7 @@ void reproject_candidates(const struct photo *photo, const struct reproject_para
 
 /* B made small: each pixel the nearest that anything within it and its margin claims. */
 struct witness {
+    const struct reproject_view *view;
     struct camera camera;
     struct pose world_from_cam;
     float *nearest_per_m; /* NaN: says nothing */
@@ -110,7 +110,7 @@ static enum st witness_make(const struct reproject_view *view,
     const struct camera *c = &view->photo->camera;
     int32_t longer = c->width_px > c->height_px ? c->width_px : c->height_px;
     double scale = fmax(1.0, (double)longer / params->view_px);
-    struct witness w = {.camera = *c};
+    struct witness w = {.view = view, .camera = *c};
     w.camera.width_px = (int32_t)floor(c->width_px / scale);
     w.camera.height_px = (int32_t)floor(c->height_px / scale);
     w.camera.width_px = w.camera.width_px < 1 ? 1 : w.camera.width_px;
@@ -286,10 +286,13 @@ static size_t cell_at(const struct suspect *s, const struct witness *b, int32_t 
 
 /* Compares one item buffer with what B says; returns how many cells it disproves. */
 static int64_t judge(struct suspect *s, const struct witness *b,
-                     const struct reproject_params *params, const struct sheet_of_items *sheet) {
+                     const struct reproject_params *params, const struct sheet_of_items *sheet,
+                     int64_t *inout_unsure) {
     const struct photo *photo = s->view->photo;
     size_t width = (size_t)b->camera.width_px, height = (size_t)b->camera.height_px;
     int64_t disproved = 0;
+    double sigma_m = hypot(s->view->pose_sigma_m, b->view->pose_sigma_m);
+    double sigma_rad = hypot(s->view->pose_sigma_rad, b->view->pose_sigma_rad);
     for (size_t i = 0; i < width * height; i++) {
         if (sheet->item[i] == RASTER_NO_ITEM || isnan(b->nearest_per_m[i]))
             continue;
@@ -300,9 +303,15 @@ static int64_t judge(struct suspect *s, const struct witness *b,
         size_t at = (size_t)v * (size_t)photo->camera.width_px + (size_t)u;
         double sa =
             photo->confidence[at] ? photo_sigma_from_confidence(photo->confidence[at]) : 0.0;
-        double sb = (double)b->sigma_per_m[i], sp = params->pose_sigma_m * depth * depth;
+        double sb = (double)b->sigma_per_m[i], sp = sigma_m * depth * depth;
         if (!(depth > said + params->sigmas * sqrt(sa * sa + sb * sb + sp * sp)))
             continue;
+        /* The witness took the nearest claim within a pixel; two sigmas of shift must stay in it.
+         */
+        if (2.0 * b->camera.fx_px * (sigma_m * depth + sigma_rad) > 1.0) {
+            (*inout_unsure)++;
+            continue;
+        }
         size_t cell = cell_at(s, b, u, v, (double)(i % width), (double)(i / width), depth);
         if (cell == SIZE_MAX || !s->flags[cell])
             continue;
@@ -350,8 +359,9 @@ static enum st warp_pair(struct suspect *s, const struct witness *b,
             return st;
         counts->warps++;
         counts->pairs += round == 0 && stats.tiles_rejected < stats.tiles_total;
-        int64_t disproved =
-            stats.tiles_rejected < stats.tiles_total ? judge(s, b, params, sheet) : 0;
+        int64_t disproved = stats.tiles_rejected < stats.tiles_total
+                                ? judge(s, b, params, sheet, &counts->unsure)
+                                : 0;
         counts->disproved += disproved;
         if (!disproved)
             break;

@@ -28,11 +28,11 @@ struct reproject_view {
     struct pose world_from_station;
     int64_t station; /* views with the same number share their centre: nothing to see from one in
                         the other */
+    double pose_sigma_m, pose_sigma_rad; /* of the station's pose; within a station they cancel */
 };
 
 struct reproject_params {
     double sigmas;           /* a cell must be nearer than what B says by so many sigmas */
-    double pose_sigma_m;     /* of the place of one station relative to another */
     double step_sigmas;      /* cells with smaller steps cannot be skins ... */
     double step_grazing_rad; /* ... nor those as flat as a surface seen at this incidence */
     int32_t view_px;         /* B is looked at with at most so many pixels a side */
@@ -46,6 +46,7 @@ struct reproject_counts {
     int64_t candidates;   /* cells that could be skins */
     int64_t disproved;    /* of those */
     int64_t pairs, warps; /* pairs of views that met, item buffers drawn */
+    int64_t unsure;       /* pixels that would disprove a cell if the poses were known better */
 };
 
 /* Progress: called before each photograph A; returning false stops with ST_CANCELLED. May be NULL.
@@ -56,7 +57,8 @@ struct reproject_progress {
 };
 
 /* Sets PHOTO_SKIN_DISPROVED on every cell of every photograph that another view disproves, whatever
- * skin_mark() thought of it; clears PHOTO_NO_RETURN on the other pixels with a disparity. Order of
+ * skin_mark() thought of it; clears PHOTO_NO_RETURN on the other pixels with a disparity. Where
+ * the poses' own errors may shift a pixel of B by more than its margin, B says nothing. Order of
  * views and number of threads do not matter: what B says never depends on skins. Cost: about
  * candidates plus view_px^2 a pair. Errors: ST_NOMEM, ST_INVALID, ST_CANCELLED. */
 ST_MUST_CHECK enum st reproject_skins(const struct reproject_view *views, size_t count,

@@ -189,6 +189,8 @@ static inline enum cell_kind cell_kind(const struct mesh *mesh, uint8_t flags, u
         return options->primitive == RASTER_MESH && options->skins != RASTER_SKINS_ONLY
                    ? CELL_SURFACE
                    : CELL_SKIP;
+    if ((flags & PHOTO_SKIN_DISPROVED) == PHOTO_SKIN_DISPROVED)
+        return options->skins == RASTER_SKINS_DRAW ? CELL_SURFACE : CELL_SKIP; /* seen through */
     switch (options->skins) {
     case RASTER_SKINS_LEAVE_OUT:
         return CELL_SKIP;
