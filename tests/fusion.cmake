@@ -5,3 +5,8 @@ scancart_fuzz(tile_pack SOURCES fuzz/fuzz_tile_pack.c DEPS sc_base)
 scancart_test(test_noise SOURCES unit/test_noise.c DEPS sc_fusion LABELS unit)
 scancart_test(prop_rays SOURCES prop/prop_rays.c DEPS sc_fusion LABELS "prop")
 scancart_script_test(e2e_fuse COMMAND bash tests/e2e/fuse.sh LABELS "e2e;slow" TIMEOUT 300)
+scancart_test(test_layer SOURCES unit/test_layer.c DEPS sc_fusion LABELS unit)
+scancart_test(prop_fusion SOURCES prop/prop_fusion.c support/analytic.c DEPS sc_fusion LABELS "prop;threads")
+scancart_test(prop_skins SOURCES prop/prop_skins.c support/analytic.c DEPS sc_fusion LABELS "prop;threads")
+# Threads that wait for work let others have the processor.
+set_tests_properties(prop_rays prop_fusion prop_skins PROPERTIES ENVIRONMENT "OMP_WAIT_POLICY=passive")

@@ -20,7 +20,7 @@ bool fuse_settings_parse(const char *name, enum fuse_quality *out_quality) {
 struct fuse_settings fuse_settings_make(enum fuse_quality quality) {
     struct fuse_settings s = {.quality = quality,
                               .pixel_spacings = 1.0,
-                              .face_max_px = 2049,
+                              .face_max_px = 2048,
                               .frame_scale = 1.0,
                               .splat_spacings = 1.2,
                               .reproject = true,
@@ -35,7 +35,7 @@ struct fuse_settings fuse_settings_make(enum fuse_quality quality) {
     switch (quality) {
     case FUSE_PREVIEW: /* what the cart shows while the crew packs up */
         s.pixel_spacings = 2.0;
-        s.face_max_px = 1025;
+        s.face_max_px = 1024;
         s.frame_scale = 0.5;
         s.splat_spacings = 1.0;
         s.reproject = false;
@@ -46,7 +46,7 @@ struct fuse_settings fuse_settings_make(enum fuse_quality quality) {
         break;
     case FUSE_SURVEY: /* smaller pixels than samples: edges to a fraction of the spacing */
         s.pixel_spacings = 0.7;
-        s.face_max_px = 3073;
+        s.face_max_px = 3072;
         s.skins.view_px = 2048;
         s.pack.error_m = 0.0005;
         s.pack.confidence_step = 2;

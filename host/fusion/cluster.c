@@ -42,17 +42,26 @@ void cluster_add(struct cluster_pixel *pixel, const struct cluster_entry *entry,
                  const struct cluster_rule *rule) {
     float noise = both_sides * rule->sigmas * entry->sigma_per_m;
     float slope = rule->slope_per_px * entry->disparity_per_m;
-    struct cluster_layer *best = NULL;
+    /* The nearest layer; but what is well within a heavier one's noise belongs there, or noise would
+     * split a surface in two halves. */
+    struct cluster_layer *best = NULL, *core = NULL;
     float best_misfit = INFINITY;
     for (uint32_t i = 0; i < pixel->layer_count; i++) {
         struct cluster_layer *layer = pixel->layers + i;
         float away_px = absf(entry->du_px - layer->du_px) + absf(entry->dv_px - layer->dv_px);
         float misfit = absf(entry->disparity_per_m - layer->disparity_per_m);
-        if (misfit <= noise + slope * away_px && misfit < best_misfit) {
+        float room = noise + slope * away_px;
+        if (!(misfit <= room))
+            continue;
+        if (misfit < best_misfit) {
             best = layer;
             best_misfit = misfit;
         }
+        if (misfit <= 0.75f * room && (!core || layer->weight > core->weight))
+            core = layer;
     }
+    if (core && core->weight > best->weight)
+        best = core;
     if (best) {
         layer_join(best, entry);
         return;

@@ -35,10 +35,10 @@ struct pose face_station_from_cam(int face) {
 int32_t face_size_px(double spacing_rad, int32_t max_px) {
     double px = 2.0 / spacing_rad; /* f = 1 / spacing in the middle, f = size / 2 */
     int32_t steps = px < 2048.0 * 32.0 ? (int32_t)ceil(px / 32.0) : 2048;
-    int32_t most = (max_px - 1) / 32;
+    int32_t most = max_px / 32;
     if (steps > most)
         steps = most;
-    return 32 * (steps < 1 ? 1 : steps) + 1;
+    return 32 * (steps < 1 ? 1 : steps);
 }
 
 /* ---- survey ---- */
@@ -142,7 +142,7 @@ static int64_t count_bits(const uint32_t *bits, size_t words) {
  * they are smaller, a cell holds one with probability (cell / spacing)^2 and the number no longer
  * grows. */
 static double spacing_of(struct survey_scratch *scratch) {
-    enum { COARSEST = 64, LEVELS = 8 }; /* 8192 down to 64 */
+    enum { COARSEST = 32, LEVELS = 9 }; /* 8192 down to 32 */
     int64_t cells[LEVELS] = {0};
     for (int level = 0; level < LEVELS; level++) {
         size_t size = (size_t)FINE >> level;

@@ -37,14 +37,14 @@ struct face_survey {
     double half_angle_rad;
 };
 
-/* One pass over the stream, 50 MiB of scratch. spacing_rad: the cell size at which nine of ten
- * looked-at cells of a cube map hold a sample, between 0.2 mrad and 0.2 rad. An empty stream gives
- * zeroes and 0.2 rad. */
+/* One or two passes over the stream, 50 MiB of scratch. spacing_rad: the size of the cells of a
+ * cube map that hold about one sample each, between 0.18 and 100 mrad. An empty stream gives zeroes
+ * and 0.2 rad. */
 ST_MUST_CHECK enum st face_survey_source(const struct scatter_source *source,
                                          struct face_survey *out_survey, struct errctx *err);
 
-/* Size of a face in px so that a pixel in its middle is `spacing_rad` wide, a multiple of 32 plus 1
- * within 33..max_px. */
+/* Size of a face in px so that a pixel in its middle is `spacing_rad` wide: whole tiles of 32 px,
+ * within 32..max_px. */
 int32_t face_size_px(double spacing_rad, int32_t max_px);
 
 /* One photograph for samples that look one way: a pinhole along the survey's axis (up = station z,

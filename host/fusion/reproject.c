@@ -304,11 +304,13 @@ static int64_t judge(struct suspect *s, const struct witness *b,
         double sa =
             photo->confidence[at] ? photo_sigma_from_confidence(photo->confidence[at]) : 0.0;
         double sb = (double)b->sigma_per_m[i], sp = sigma_m * depth * depth;
-        if (!(depth > said + params->sigmas * sqrt(sa * sa + sb * sb + sp * sp)))
+        double noise2 = sa * sa + sb * sb;
+        if (!(depth > said + params->sigmas * sqrt(noise2)))
             continue;
         /* The witness took the nearest claim within a pixel; two sigmas of shift must stay in it.
          */
-        if (2.0 * b->camera.fx_px * (sigma_m * depth + sigma_rad) > 1.0) {
+        if (!(depth > said + params->sigmas * sqrt(noise2 + sp * sp)) ||
+            2.0 * b->camera.fx_px * (sigma_m * depth + sigma_rad) > 1.0) {
             (*inout_unsure)++;
             continue;
         }
@@ -344,6 +346,7 @@ static enum st warp_pair(struct suspect *s, const struct witness *b,
     struct raster_options options = raster_options_default();
     options.primitive = RASTER_MESH;
     options.skins = RASTER_SKINS_ONLY;
+    options.threads = 1; /* photographs are what runs in parallel */
     struct raster_target target = {.width_px = b->camera.width_px,
                                    .height_px = b->camera.height_px,
                                    .depth = sheet->depth,
@@ -394,49 +397,91 @@ static bool meets(const struct reproject_view *a, const struct reproject_view *b
     return a->station != b->station || vec3_norm(vec3_sub(pa.t_m, pb.t_m)) > 0.25;
 }
 
-/* Views wait for publishing until all are judged: A's flags are no evidence, but B's are read. */
+/* All that concerns one photograph A: its own flags change, nobody reads them meanwhile (what B
+ * claims are its disparities). */
+static enum st clear_one(const struct reproject_view *views, size_t count, size_t a,
+                         const struct witness *witnesses, const struct reproject_params *params,
+                         struct reproject_counts *counts, struct errctx *err) {
+    struct sheet_of_items sheet = {0};
+    struct suspect s = {0};
+    const struct camera *c = &views[a].photo->camera;
+    uint8_t *candidates = malloc((size_t)c->width_px * (size_t)c->height_px);
+    enum st st = candidates ? suspect_make(views + a, params, &s, &counts->candidates) : ST_NOMEM;
+    if (st) {
+        free(candidates);
+        return errctx_set(err, st, "no memory for the skins of view %zu", a);
+    }
+    suspect_refresh(&s);
+    for (size_t b = 0; !st && b < count; b++)
+        if (meets(views + a, views + b))
+            st = warp_pair(&s, witnesses + b, params, &sheet, counts, err);
+    if (!st)
+        publish(&s, params, candidates);
+    free(candidates);
+    suspect_free(&s);
+    free(sheet.depth);
+    free(sheet.item);
+    raster_scratch_fini(&sheet.scratch);
+    return st;
+}
+
+static void add_counts(struct reproject_counts *sum, const struct reproject_counts *part) {
+    sum->candidates += part->candidates;
+    sum->disproved += part->disproved;
+    sum->pairs += part->pairs;
+    sum->warps += part->warps;
+    sum->unsure += part->unsure;
+}
+
+/* Photographs are dealt out to threads; the first failure stops the rest. */
+static enum st clear_all(const struct reproject_view *views, size_t count,
+                         const struct witness *witnesses, const struct reproject_params *params,
+                         const struct reproject_progress *progress, struct reproject_counts *counts,
+                         struct errctx *err) {
+    enum st first = ST_OK;
+    size_t done = 0;
+#pragma omp parallel for schedule(dynamic, 1)
+    for (size_t a = 0; a < count; a++) {
+        struct reproject_counts part = {0};
+        struct errctx own = {.st = ST_OK};
+        enum st st = ST_OK, before;
+#pragma omp atomic read
+        before = first;
+        if (!before)
+            st = clear_one(views, count, a, witnesses, params, &part, &own);
+#pragma omp critical(reproject_outcome)
+        {
+            add_counts(counts, &part);
+            done++;
+            if (!st && !first && progress && progress->step &&
+                !progress->step(progress->context, done, count))
+                st = errctx_set(&own, ST_CANCELLED, "stopped");
+            if (st && !first) {
+#pragma omp atomic write
+                first = st;
+                if (err)
+                    *err = own;
+            }
+        }
+    }
+    return first;
+}
+
 enum st reproject_skins(const struct reproject_view *views, size_t count,
                         const struct reproject_params *params,
                         const struct reproject_progress *progress,
                         struct reproject_counts *out_counts, struct errctx *err) {
     struct reproject_counts counts = {0};
-    struct sheet_of_items sheet = {0};
     struct witness *witnesses = calloc(count + 1, sizeof *witnesses);
     enum st st = witnesses ? ST_OK : errctx_set(err, ST_NOMEM, "no memory for %zu views", count);
     for (size_t b = 0; !st && b < count; b++)
         if ((st = witness_make(views + b, params, witnesses + b)))
             (void)errctx_set(err, st, "no memory to look from %zu views", count);
-    for (size_t a = 0; !st && a < count; a++) {
-        if (progress && progress->step && !progress->step(progress->context, a, count)) {
-            st = errctx_set(err, ST_CANCELLED, "stopped");
-            break;
-        }
-        struct suspect s = {0};
-        st = suspect_make(views + a, params, &s, &counts.candidates);
-        if (st) {
-            (void)errctx_set(err, st, "no memory for the skins of view %zu", a);
-            break;
-        }
-        suspect_refresh(&s);
-        for (size_t b = 0; !st && b < count; b++)
-            if (meets(views + a, views + b))
-                st = warp_pair(&s, witnesses + b, params, &sheet, &counts, err);
-        uint8_t *candidates = st ? NULL
-                                 : malloc((size_t)views[a].photo->camera.width_px *
-                                          (size_t)views[a].photo->camera.height_px);
-        if (candidates)
-            publish(&s, params, candidates);
-        else if (!st)
-            st = errctx_set(err, ST_NOMEM, "no memory for the skins of view %zu", a);
-        free(candidates);
-        suspect_free(&s);
-    }
+    if (!st)
+        st = clear_all(views, count, witnesses, params, progress, &counts, err);
     for (size_t b = 0; witnesses && b < count; b++)
         witness_free(witnesses + b);
     free(witnesses);
-    free(sheet.depth);
-    free(sheet.item);
-    raster_scratch_fini(&sheet.scratch);
     if (!st && out_counts)
         *out_counts = counts;
     return st;

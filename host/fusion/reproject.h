@@ -49,8 +49,8 @@ struct reproject_counts {
     int64_t unsure;       /* pixels that would disprove a cell if the poses were known better */
 };
 
-/* Progress: called before each photograph A; returning false stops with ST_CANCELLED. May be NULL.
- */
+/* Progress: called after each photograph, from any thread, one at a time; returning false stops
+ * with ST_CANCELLED. May be NULL. */
 struct reproject_progress {
     bool (*step)(void *context, size_t done, size_t total);
     void *context;
@@ -60,7 +60,8 @@ struct reproject_progress {
  * skin_mark() thought of it; clears PHOTO_NO_RETURN on the other pixels with a disparity. Where
  * the poses' own errors may shift a pixel of B by more than its margin, B says nothing. Order of
  * views and number of threads do not matter: what B says never depends on skins. Cost: about
- * candidates plus view_px^2 a pair. Errors: ST_NOMEM, ST_INVALID, ST_CANCELLED. */
+ * candidates plus view_px^2 a pair; photographs in parallel (OpenMP), 12 view_px^2 bytes a thread.
+ * Errors: ST_NOMEM, ST_INVALID, ST_CANCELLED. */
 ST_MUST_CHECK enum st reproject_skins(const struct reproject_view *views, size_t count,
                                       const struct reproject_params *params,
                                       const struct reproject_progress *progress,

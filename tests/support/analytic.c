@@ -23,7 +23,7 @@ struct analytic_scene analytic_room(void) {
     add(&s, ANALYTIC_PLANE, v3(-4, 0, 0), v3(1, 0, 0), 0.6);
     add(&s, ANALYTIC_PLANE, v3(0, 3, 0), v3(0, -1, 0), 0.65);
     add(&s, ANALYTIC_PLANE, v3(0, -3, 0), v3(0, 1, 0), 0.5);
-    add(&s, ANALYTIC_BOX, v3(2.2, 1.4, 0.3), v3(0.2, 0.2, 1.5), 0.45);   /* pillar */
+    add(&s, ANALYTIC_BOX, v3(2.2, 1.4, 0.3), v3(0.2, 0.2, 1.5), 0.45);    /* pillar */
     add(&s, ANALYTIC_BOX, v3(2.0, -1.2, -0.85), v3(0.6, 0.4, 0.35), 0.3); /* crate */
     add(&s, ANALYTIC_BOX, v3(2.1, -1.3, -0.35), v3(0.25, 0.2, 0.15), 0.6);
     add(&s, ANALYTIC_SPHERE, v3(1.6, 0.3, -0.6), v3(0.3, 0, 0), 0.55);
@@ -56,7 +56,7 @@ static double cast_box(const struct analytic_shape *b, struct vec3 o, struct vec
     for (int k = 0; k < 3; k++) {
         if (fabs(dd[k]) < 1e-15) {
             if (fabs(oo[k]) > h[k])
-                return NAN;
+                return (double)NAN;
             continue;
         }
         double t0 = (-h[k] - oo[k]) / dd[k], t1 = (h[k] - oo[k]) / dd[k];
@@ -64,7 +64,7 @@ static double cast_box(const struct analytic_shape *b, struct vec3 o, struct vec
         far = fmin(far, fmax(t0, t1));
     }
     if (near > far || far <= 0)
-        return NAN;
+        return (double)NAN;
     return near > 0 ? near : far;
 }
 
@@ -73,21 +73,21 @@ static double cast_sphere(const struct analytic_shape *s, struct vec3 o, struct 
     double b = vec3_dot(q, d), c = vec3_dot(q, q) - s->size_m.x * s->size_m.x;
     double disc = b * b - c;
     if (disc < 0)
-        return NAN;
+        return (double)NAN;
     double t = -b - sqrt(disc);
     if (t <= 0)
         t = -b + sqrt(disc);
-    return t > 0 ? t : NAN;
+    return t > 0 ? t : (double)NAN;
 }
 
 static double cast_plane(const struct analytic_shape *p, struct vec3 o, struct vec3 d) {
     double t = vec3_dot(vec3_sub(p->at_m, o), p->size_m) / vec3_dot(d, p->size_m);
-    return t > 0 && isfinite(t) ? t : NAN;
+    return t > 0 && isfinite(t) ? t : (double)NAN;
 }
 
 double analytic_cast(const struct analytic_scene *scene, struct vec3 from_m, struct vec3 dir,
                      double *out_albedo) {
-    double best = NAN;
+    double best = (double)NAN;
     for (int i = 0; i < scene->count; i++) {
         const struct analytic_shape *s = scene->shapes + i;
         double t = s->kind == ANALYTIC_BOX      ? cast_box(s, from_m, dir)
@@ -179,7 +179,7 @@ static double beam(const struct analytic_scene *scene, const struct analytic_sca
             sum += albedo * r;
         }
     if (2 * hits < SPOT * SMEAR)
-        return NAN;
+        return (double)NAN;
     *out_albedo = weight / hits;
     return sum / weight;
 }

@@ -1,5 +1,5 @@
-/* Scenes of boxes, spheres and planes with exact truth, and a scanner that looks at them: for tests and
- * benchmarks of fusion that must not depend on the twin. */
+/* Scenes of boxes, spheres and planes with exact truth, and a scanner that looks at them: for tests
+ * and benchmarks of fusion that must not depend on the twin. */
 #ifndef SC_TESTS_ANALYTIC_H
 #define SC_TESTS_ANALYTIC_H
 
@@ -26,7 +26,8 @@ struct analytic_scene {
     int count;
 };
 
-/* A furnished room of 8 x 6 x 3 m around the origin (floor at z = -1.2), pillars, boxes, balls, a pole. */
+/* A furnished room of 8 x 6 x 3 m around the origin (floor at z = -1.2), pillars, boxes, balls, a
+ * pole. */
 struct analytic_scene analytic_room(void);
 /* A street corner under the open sky: ground, blocks, poles, a ball. */
 struct analytic_scene analytic_yard(void);
@@ -42,8 +43,8 @@ struct analytic_scan {
     double elevation_step_rad, azimuth_step_rad;
     double elevation_min_rad, elevation_max_rad, azimuth_min_rad, azimuth_max_rad;
     double sigma_m, sigma_per_m;
-    double spot_rad;      /* diameter of the beam */
-    double smear_rad;     /* motion along elevation in one sample */
+    double spot_rad;  /* diameter of the beam */
+    double smear_rad; /* motion along elevation in one sample */
     double max_range_m;
     double jitter;        /* of the directions, in steps: a scanner's grid is no camera's */
     double dropped_share; /* of samples dropped at random */
@@ -52,12 +53,14 @@ struct analytic_scan {
 struct analytic_scan analytic_scan_default(void);
 size_t analytic_scan_count(const struct analytic_scan *scan);
 
-/* Scans: vertical lines, one after the other, points relative to from_m. The range of a sample is the mean
- * over the beam weighted with albedo: at an edge it floats. Room for analytic_scan_count(). */
+/* Scans: vertical lines, one after the other, points relative to from_m. The range of a sample is
+ * the mean over the beam weighted with albedo: at an edge it floats. Room for
+ * analytic_scan_count(). */
 void analytic_scan_run(const struct analytic_scene *scene, const struct analytic_scan *scan,
                        struct scatter_sample *out_samples);
 
-/* True disparity of each pixel (NaN where nothing is) of a photograph whose station stands at from_m. */
+/* True disparity of each pixel (NaN where nothing is) of a photograph whose station stands at
+ * from_m. */
 void analytic_truth(const struct analytic_scene *scene, struct vec3 from_m,
                     const struct camera *camera, const struct pose *station_from_cam,
                     float *out_disparity_per_m);
