@@ -353,11 +353,37 @@ static bool between(const struct work *w, int32_t x, int32_t y) {
     return false;
 }
 
+/* A range from nowhere: one sample that no neighbour agrees with, in the midst of a surface. */
+static bool is_outlier(const struct work *w, int32_t x, int32_t y) {
+    const struct candidate *me = neighbour(w, x, y);
+    const struct cluster_layer *layer = heaviest(w, (size_t)y * (size_t)w->width + (size_t)x);
+    if (!layer || (layer->count & CLUSTER_COUNT_MAX) > 1)
+        return false;
+    float slope = w->rule.slope_per_px * me->disparity_per_m;
+    int on_surfaces = 0;
+    for (int32_t dy = -1; dy <= 1; dy++)
+        for (int32_t dx = -1; dx <= 1; dx++) {
+            const struct candidate *c = dx || dy ? neighbour(w, x + dx, y + dy) : NULL;
+            if (!c)
+                continue;
+            float u = c->u_px - me->u_px, v = c->v_px - me->v_px;
+            float off = fabsf(c->disparity_per_m - me->disparity_per_m);
+            float away = fabsf(u) + fabsf(v);
+            /* Neighbours that see the same sample do not count as agreeing. */
+            if (away > 0.25f && off <= noise_of(w, me, c) + slope * away)
+                return false;
+            size_t i = (size_t)(y + dy) * (size_t)w->width + (size_t)(x + dx);
+            on_surfaces += away > 0.25f && w->support[i] >= 3;
+        }
+    return on_surfaces >= 4;
+}
+
 /* A split beam's cluster lies between a nearer and a farther surface, and a surface leads up to it
  * at most from two sides: along the edge. A straight border of a surface has three sides or more, a
  * corner three. */
 static bool floats(const struct work *w, int32_t x, int32_t y) {
-    return w->support[(size_t)y * (size_t)w->width + (size_t)x] <= 2 && between(w, x, y);
+    return w->support[(size_t)y * (size_t)w->width + (size_t)x] <= 2 &&
+           (between(w, x, y) || is_outlier(w, x, y));
 }
 
 /* One round over the dirty pixels: each judges by the candidates as they were, so order and threads
