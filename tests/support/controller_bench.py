@@ -84,6 +84,21 @@ def realtime():
     return []
 
 
+def connect_within(path, limit_s):
+    """The emulator names its line before it has opened the plant's socket: ask again until it is there."""
+    end = time.monotonic() + limit_s
+    while True:
+        plant = socket.socket(socket.AF_UNIX)
+        try:
+            plant.connect(path)
+            return plant
+        except (FileNotFoundError, ConnectionRefusedError):
+            plant.close()
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.02)
+
+
 class Mps2(Bench):
     """The image on QEMU's mps2-an386, with the console of its plant."""
 
@@ -98,8 +113,7 @@ class Mps2(Bench):
                     "-chardev", "pty,id=line", "-serial", "chardev:line",
                     "-chardev", f"socket,id=plant,path={plant},server=on,wait=off",
                     "-serial", "chardev:plant"], r"(/dev/pts/\d+)")
-        self.plant = socket.socket(socket.AF_UNIX)
-        self.plant.connect(plant)
+        self.plant = connect_within(plant, 10)
         self.plant.settimeout(5)
 
     def console(self, letter):
