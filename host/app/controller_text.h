@@ -3,7 +3,7 @@
 #define SC_APP_CONTROLLER_TEXT_H
 
 #include "base/st.h"
-#include "capture/motor.h"
+#include "device/motor.h"
 
 /* What a crew member can do about a fault; one or two sentences. */
 const char *controller_text_advice(unsigned fault);

@@ -2,7 +2,7 @@
 #include "capture/backends/motor_modbus.h"
 
 #include "base/clock.h"
-#include "capture/motor_map.h"
+#include "device/motor_map.h"
 
 #include <errno.h>
 #include <fcntl.h>

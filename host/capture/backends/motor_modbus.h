@@ -3,7 +3,7 @@
 #ifndef SC_CAPTURE_MOTOR_MODBUS_H
 #define SC_CAPTURE_MOTOR_MODBUS_H
 
-#include "capture/motor.h"
+#include "device/motor.h"
 
 #ifdef __cplusplus
 extern "C" {

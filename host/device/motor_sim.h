@@ -1,10 +1,10 @@
 /* The motor ops against the controller's own firmware on its simulated port, without a serial line:
  * the requests are the same frames, time is virtual and passes only in a request or by
  * sim_advance(). */
-#ifndef SC_CAPTURE_MOTOR_SIM_H
-#define SC_CAPTURE_MOTOR_SIM_H
+#ifndef SC_DEVICE_MOTOR_SIM_H
+#define SC_DEVICE_MOTOR_SIM_H
 
-#include "capture/motor.h"
+#include "device/motor.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,9 +1,9 @@
 /* The motor ops on top of reads and writes of the controller's registers: what every backend that
  * speaks the register map shares. */
-#ifndef SC_CAPTURE_MOTOR_MAP_H
-#define SC_CAPTURE_MOTOR_MAP_H
+#ifndef SC_DEVICE_MOTOR_MAP_H
+#define SC_DEVICE_MOTOR_MAP_H
 
-#include "capture/motor.h"
+#include "device/motor.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,4 +1,4 @@
-#include "capture/motor_map.h"
+#include "device/motor_map.h"
 
 #include "base/clock.h"
 #include "firmware/shared/faultcode.h"

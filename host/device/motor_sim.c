@@ -1,6 +1,6 @@
-#include "capture/backends/motor_sim.h"
+#include "device/motor_sim.h"
 
-#include "capture/motor_map.h"
+#include "device/motor_map.h"
 #include "firmware/port/sim/sim.h"
 #include "firmware/shared/mbframe.h"
 

@@ -10,8 +10,8 @@
  *
  * A command that failed with ST_TIMEOUT may or may not have been carried out: ask for the status.
  */
-#ifndef SC_CAPTURE_MOTOR_H
-#define SC_CAPTURE_MOTOR_H
+#ifndef SC_DEVICE_MOTOR_H
+#define SC_DEVICE_MOTOR_H
 
 #include "base/index_event.h"
 #include "base/st.h"
