@@ -3,6 +3,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 int app_fail(const char *name, const struct errctx *err) {
     (void)fflush(stdout);
@@ -88,4 +89,24 @@ enum st app_parse(const struct app_usage *usage, int argc, const char **argv,
         *usage->out_json = json != 0;
     *out_context = context;
     return ST_OK;
+}
+
+int app_one_site(const struct app_usage *usage, int argc, const char **argv,
+                 int (*run)(const char *path, bool json)) {
+    poptContext context = NULL;
+    const enum st st = app_parse(usage, argc, argv, &context);
+    if (st)
+        return app_parse_exit(st);
+    const char *path = poptGetArg(context);
+    const int status = !path || poptPeekArg(context) ? app_usage_error(usage->name, "give one site")
+                                                     : run(path, *usage->out_json);
+    (void)poptFreeContext(context);
+    return status;
+}
+
+int app_take_text(const char *name, const char *text, char *out_field, size_t size) {
+    if (text && strlen(text) >= size)
+        return app_usage_error(name, "'%.40s...' is too long", text);
+    (void)snprintf(out_field, size, "%s", text ? text : "");
+    return APP_DONE;
 }

@@ -7,6 +7,7 @@
 
 #include <popt.h>
 #include <stdbool.h>
+#include <stddef.h>
 
 /* Exit status of the program. */
 enum app_exit { APP_DONE = 0, APP_FAILED = 1, APP_USAGE = 2 };
@@ -33,6 +34,15 @@ ST_MUST_CHECK enum st app_parse(const struct app_usage *usage, int argc, const c
 
 /* Frees what popt allocated for the strings and lists of a table and sets them to NULL. */
 void app_free_options(const struct poptOption *table);
+
+/* A whole subcommand that takes one site and no option but --json: parses, then calls run() with
+ * the site's path. Returns the exit status. */
+int app_one_site(const struct app_usage *usage, int argc, const char **argv,
+                 int (*run)(const char *path, bool json));
+
+/* Copies an option's text (NULL: none, "") into a field. APP_USAGE, with the error printed, if it
+ * does not fit. */
+int app_take_text(const char *name, const char *text, char *out_field, size_t size);
 
 /* The exit status for a status of app_parse(). */
 int app_parse_exit(enum st st);

@@ -118,15 +118,7 @@ static int run(const char *path, bool json) {
 
 int cmd_check(int argc, const char **argv) {
     bool json = false;
-    struct app_usage usage = {
+    const struct app_usage usage = {
         .name = "check", .synopsis = "SITE [--json]", .about = about, .out_json = &json};
-    poptContext context = NULL;
-    enum st st = app_parse(&usage, argc, argv, &context);
-    if (st)
-        return app_parse_exit(st);
-    const char *path = poptGetArg(context);
-    int status =
-        !path || poptPeekArg(context) ? app_usage_error("check", "give one site") : run(path, json);
-    (void)poptFreeContext(context);
-    return status;
+    return app_one_site(&usage, argc, argv, run);
 }

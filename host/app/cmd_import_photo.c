@@ -54,13 +54,6 @@ struct arguments {
     int replace;
 };
 
-static void free_arguments(struct arguments *a) {
-    char *texts[] = {a->list, a->image,   a->depth, a->range, a->disparity,
-                     a->name, a->station, a->pose,  a->up};
-    for (size_t i = 0; i < sizeof texts / sizeof texts[0]; i++)
-        free(texts[i]);
-}
-
 static int parse_pose(const char *text, double out_values[7]) {
     for (int i = 0; i < 7; i++) {
         char *end = NULL;
@@ -124,16 +117,14 @@ static int fill_job(const struct arguments *a, struct photo_job *job) {
     job->hfov_rad = a->hfov_deg * deg;
     job->values = map_values(a);
     job->replace = a->replace != 0;
-    const char *texts[] = {a->name, a->station, a->image, map};
-    char *fields[] = {job->name, job->station, job->image_path, job->map_path};
-    const size_t sizes[] = {sizeof job->name, sizeof job->station, sizeof job->image_path,
-                            sizeof job->map_path};
-    for (int i = 0; i < 4; i++) {
-        if (texts[i] && strlen(texts[i]) >= sizes[i])
-            return app_usage_error("import photo", "'%.40s...' is too long", texts[i]);
-        (void)snprintf(fields[i], sizes[i], "%s", texts[i] ? texts[i] : "");
-    }
-    return 0;
+    int status = app_take_text("import photo", a->name, job->name, sizeof job->name);
+    if (!status)
+        status = app_take_text("import photo", a->station, job->station, sizeof job->station);
+    if (!status)
+        status = app_take_text("import photo", a->image, job->image_path, sizeof job->image_path);
+    if (!status)
+        status = app_take_text("import photo", map, job->map_path, sizeof job->map_path);
+    return status;
 }
 
 static void print_text(const struct photo_job *job) {
@@ -305,7 +296,7 @@ int cmd_import_photo(int argc, const char **argv) {
     poptContext context = NULL;
     enum st st = app_parse(&usage, argc, argv, &context);
     if (st) {
-        free_arguments(&a);
+        app_free_options(options);
         return app_parse_exit(st);
     }
     const char *path = poptGetArg(context);
@@ -313,6 +304,6 @@ int cmd_import_photo(int argc, const char **argv) {
                            ? app_usage_error("import photo", "give one site")
                            : run_arguments(path, &a, json);
     (void)poptFreeContext(context);
-    free_arguments(&a);
+    app_free_options(options);
     return status;
 }

@@ -39,12 +39,6 @@ struct arguments {
     int no_photos;
 };
 
-static void free_arguments(struct arguments *a) {
-    char *texts[] = {a->list, a->name, a->pose, a->up, a->panorama};
-    for (size_t i = 0; i < sizeof texts / sizeof texts[0]; i++)
-        free(texts[i]);
-}
-
 static int fill_job(const struct arguments *a, const char *file, struct scan_job *job) {
     struct errctx err = {0};
     *job = scan_job_default();
@@ -55,15 +49,12 @@ static int fill_job(const struct arguments *a, const char *file, struct scan_job
     job->options_3dtk.no_return_m = a->no_return_m;
     job->range_sigma_m = a->range_sigma_m;
     job->no_photos = a->no_photos != 0;
-    const char *texts[] = {a->name, file, a->pose};
-    char *fields[] = {job->name, job->path, job->pose_path};
-    const size_t sizes[] = {sizeof job->name, sizeof job->path, sizeof job->pose_path};
-    for (int i = 0; i < 3; i++) {
-        if (texts[i] && strlen(texts[i]) >= sizes[i])
-            return app_usage_error("import scan", "'%.40s...' is too long", texts[i]);
-        (void)snprintf(fields[i], sizes[i], "%s", texts[i] ? texts[i] : "");
-    }
-    return 0;
+    int status = app_take_text("import scan", a->name, job->name, sizeof job->name);
+    if (!status)
+        status = app_take_text("import scan", file, job->path, sizeof job->path);
+    if (!status)
+        status = app_take_text("import scan", a->pose, job->pose_path, sizeof job->pose_path);
+    return status;
 }
 
 static void print_text(const struct scan_job *job) {
@@ -234,7 +225,7 @@ int cmd_import_scan(int argc, const char **argv) {
     poptContext context = NULL;
     enum st st = app_parse(&usage, argc, argv, &context);
     if (st) {
-        free_arguments(&a);
+        app_free_options(options);
         return app_parse_exit(st);
     }
     const char *path = poptGetArg(context);
@@ -247,6 +238,6 @@ int cmd_import_scan(int argc, const char **argv) {
     else
         status = run_files(path, &a, context, json);
     (void)poptFreeContext(context);
-    free_arguments(&a);
+    app_free_options(options);
     return status;
 }
