@@ -144,21 +144,15 @@ enum st calib_read(struct site *site, int64_t id, struct calib *out_record, char
     return st;
 }
 
+static enum st list_read_record(struct site *site, sqlite3_stmt *stmt, void *out_row,
+                                struct errctx *err) {
+    (void)site;
+    return read_record(stmt, out_row, err);
+}
+
 enum st calib_list(struct site *site, int64_t after_id, struct calib *out_records, size_t capacity,
                    size_t *out_count, struct errctx *err) {
-    sqlite3_stmt *stmt = NULL;
-    size_t count = 0;
-    enum st st = store_query(site, "SELECT * FROM calib WHERE id > ?1 ORDER BY id", &after_id, 1,
-                             &stmt, err);
-    while (!st && count < capacity) {
-        st = store_fetch(site, stmt, STORE_CALIB, err);
-        if (!st)
-            st = read_record(stmt, &out_records[count], err);
-        count += !st;
-    }
-    (void)sqlite3_reset(stmt);
-    if (st && st != ST_NOT_FOUND)
-        return st;
-    *out_count = count;
-    return ST_OK;
+    return store_list(site, "SELECT * FROM calib WHERE id > ?1 ORDER BY id", &after_id, 1,
+                      STORE_CALIB, list_read_record, out_records, sizeof *out_records, capacity,
+                      out_count, err);
 }

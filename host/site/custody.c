@@ -30,22 +30,15 @@ enum st custody_last(struct site *site, struct custody_event *out_event, struct 
     return st;
 }
 
+static enum st list_custody_log_read(struct site *site, sqlite3_stmt *stmt, void *out_row,
+                                     struct errctx *err) {
+    (void)site;
+    return custody_log_read(stmt, out_row, err);
+}
+
 enum st custody_list(struct site *site, int64_t after_sequence, struct custody_event *out_events,
                      size_t capacity, size_t *out_count, struct errctx *err) {
-    sqlite3_stmt *stmt = NULL;
-    size_t count = 0;
-    enum st st = store_query(site, "SELECT * FROM custody WHERE id > ?1 ORDER BY id",
-                             &after_sequence, 1, &stmt, err);
-    while (!st && count < capacity) {
-        st = store_fetch(site, stmt, STORE_CUSTODY, err);
-        if (!st)
-            st = custody_log_read(stmt, &out_events[count], err);
-        count += !st;
-    }
-    if (stmt)
-        (void)sqlite3_reset(stmt);
-    if (st && st != ST_NOT_FOUND)
-        return st;
-    *out_count = count;
-    return ST_OK;
+    return store_list(site, "SELECT * FROM custody WHERE id > ?1 ORDER BY id", &after_sequence, 1,
+                      STORE_CUSTODY, list_custody_log_read, out_events, sizeof *out_events,
+                      capacity, out_count, err);
 }

@@ -207,24 +207,18 @@ enum st files_read(struct site *site, const uint8_t sha256[HASH_SHA256_BYTES], u
     return ST_OK;
 }
 
+static enum st list_files_dir_entry(struct site *site, sqlite3_stmt *stmt, void *out_row,
+                                    struct errctx *err) {
+    (void)site;
+    return files_dir_entry(stmt, out_row, err);
+}
+
 enum st files_list(struct site *site, enum files_kind kind, int64_t after_id,
                    struct files_entry *out_entries, size_t capacity, size_t *out_count,
                    struct errctx *err) {
     const int64_t numbers[2] = {after_id, (int64_t)kind};
-    sqlite3_stmt *stmt = NULL;
-    size_t count = 0;
-    enum st st =
-        store_query(site, "SELECT * FROM file WHERE id > ?1 AND (?2 = 0 OR kind = ?2) ORDER BY id",
-                    numbers, 2, &stmt, err);
-    while (!st && count < capacity) {
-        st = store_fetch(site, stmt, STORE_FILE, err);
-        if (!st)
-            st = files_dir_entry(stmt, &out_entries[count], err);
-        count += !st;
-    }
-    (void)sqlite3_reset(stmt);
-    if (st && st != ST_NOT_FOUND)
-        return st;
-    *out_count = count;
-    return ST_OK;
+    return store_list(site,
+                      "SELECT * FROM file WHERE id > ?1 AND (?2 = 0 OR kind = ?2) ORDER BY id",
+                      numbers, 2, STORE_FILE, list_files_dir_entry, out_entries,
+                      sizeof *out_entries, capacity, out_count, err);
 }

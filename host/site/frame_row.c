@@ -91,6 +91,12 @@ enum st frame_row_get(struct site *site, int64_t id, struct frame_row *out_row,
     return st;
 }
 
+static enum st list_read_row(struct site *site, sqlite3_stmt *stmt, void *out_row,
+                             struct errctx *err) {
+    (void)site;
+    return read_row(stmt, out_row, err);
+}
+
 enum st frame_row_list(struct site *site, int64_t station_id, int64_t after_id,
                        struct frame_row *out_rows, size_t capacity, size_t *out_count,
                        struct errctx *err) {
@@ -98,18 +104,6 @@ enum st frame_row_list(struct site *site, int64_t station_id, int64_t after_id,
     const char *sql = station_id
                           ? "SELECT * FROM frame WHERE station_id = ?2 AND id > ?1 ORDER BY id"
                           : "SELECT * FROM frame WHERE id > ?1 ORDER BY id";
-    sqlite3_stmt *stmt = NULL;
-    size_t count = 0;
-    enum st st = store_query(site, sql, numbers, station_id ? 2 : 1, &stmt, err);
-    while (!st && count < capacity) {
-        st = store_fetch(site, stmt, STORE_FRAME, err);
-        if (!st)
-            st = read_row(stmt, &out_rows[count], err);
-        count += !st;
-    }
-    (void)sqlite3_reset(stmt);
-    if (st && st != ST_NOT_FOUND)
-        return st;
-    *out_count = count;
-    return ST_OK;
+    return store_list(site, sql, numbers, station_id ? 2 : 1, STORE_FRAME, list_read_row, out_rows,
+                      sizeof *out_rows, capacity, out_count, err);
 }

@@ -201,26 +201,25 @@ enum st job_find(struct site *site, const struct job *wanted, int64_t *out_id, s
     return st;
 }
 
+static enum st list_id(struct site *site, sqlite3_stmt *stmt, void *out_row, struct errctx *err) {
+    (void)site;
+    (void)err;
+    *(int64_t *)out_row = sqlite3_column_int64(stmt, 0);
+    return ST_OK;
+}
+
 enum st job_list(struct site *site, const char *kind, int64_t after_id, int64_t *out_ids,
                  size_t capacity, size_t *out_count, struct errctx *err) {
     sqlite3_stmt *stmt = NULL;
-    size_t count = 0;
     struct row_value value = kind ? row_text(kind) : row_null();
     enum st st = store_query(
         site, "SELECT * FROM job WHERE id > ?1 AND (?2 IS NULL OR kind = ?2) ORDER BY id",
         &after_id, 1, &stmt, err);
     if (!st)
         st = row_bind(stmt, 2, &value);
-    while (!st && count < capacity) {
-        st = store_fetch(site, stmt, STORE_JOB, err);
-        if (!st)
-            out_ids[count++] = sqlite3_column_int64(stmt, 0);
-    }
-    (void)sqlite3_reset(stmt);
-    if (st && st != ST_NOT_FOUND)
-        return st;
-    *out_count = count;
-    return ST_OK;
+    return st ? st
+              : store_list_bound(site, stmt, STORE_JOB, list_id, out_ids, sizeof *out_ids, capacity,
+                                 out_count, err);
 }
 
 void job_free(struct job *job) {

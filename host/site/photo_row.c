@@ -145,24 +145,18 @@ enum st photo_row_remove(struct site *site, int64_t id, struct errctx *err) {
     return batch_end(site, st, err);
 }
 
+static enum st list_read_row(struct site *site, sqlite3_stmt *stmt, void *out_row,
+                             struct errctx *err) {
+    (void)site;
+    return read_row(stmt, out_row, err);
+}
+
 enum st photo_row_list(struct site *site, int64_t station_id, int64_t after_id,
                        struct photo_row *out_rows, size_t capacity, size_t *out_count,
                        struct errctx *err) {
     const int64_t numbers[2] = {after_id, station_id};
-    sqlite3_stmt *stmt = NULL;
-    size_t count = 0;
-    enum st st = store_query(
+    return store_list(
         site, "SELECT * FROM photo WHERE id > ?1 AND (?2 = 0 OR station_id = ?2) ORDER BY id",
-        numbers, 2, &stmt, err);
-    while (!st && count < capacity) {
-        st = store_fetch(site, stmt, STORE_PHOTO, err);
-        if (!st)
-            st = read_row(stmt, &out_rows[count], err);
-        count += !st;
-    }
-    (void)sqlite3_reset(stmt);
-    if (st && st != ST_NOT_FOUND)
-        return st;
-    *out_count = count;
-    return ST_OK;
+        numbers, 2, STORE_PHOTO, list_read_row, out_rows, sizeof *out_rows, capacity, out_count,
+        err);
 }

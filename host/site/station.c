@@ -178,42 +178,29 @@ enum st station_find(struct site *site, const char *name, struct station *out_st
     return st;
 }
 
+static enum st list_read_station(struct site *site, sqlite3_stmt *stmt, void *out_row,
+                                 struct errctx *err) {
+    return read_station(site, stmt, out_row, err);
+}
+
 enum st station_list(struct site *site, int64_t after_id, struct station *out_stations,
                      size_t capacity, size_t *out_count, struct errctx *err) {
-    sqlite3_stmt *stmt = NULL;
-    size_t count = 0;
-    enum st st = store_query(site, "SELECT * FROM station WHERE id > ?1 ORDER BY id", &after_id, 1,
-                             &stmt, err);
-    while (!st && count < capacity) {
-        st = store_fetch(site, stmt, STORE_STATION, err);
-        if (!st)
-            st = read_station(site, stmt, &out_stations[count], err);
-        count += !st;
-    }
-    (void)sqlite3_reset(stmt);
-    if (st && st != ST_NOT_FOUND)
-        return st;
-    *out_count = count;
-    return ST_OK;
+    return store_list(site, "SELECT * FROM station WHERE id > ?1 ORDER BY id", &after_id, 1,
+                      STORE_STATION, list_read_station, out_stations, sizeof *out_stations,
+                      capacity, out_count, err);
+}
+
+static enum st list_read_pose(struct site *site, sqlite3_stmt *stmt, void *out_row,
+                              struct errctx *err) {
+    (void)site;
+    return read_pose(stmt, out_row, err);
 }
 
 enum st station_poses(struct site *site, int64_t id, size_t first, struct station_pose *out_poses,
                       size_t capacity, size_t *out_count, struct errctx *err) {
     const int64_t numbers[2] = {id, (int64_t)first};
-    sqlite3_stmt *stmt = NULL;
-    size_t count = 0;
-    enum st st = store_query(
+    return store_list(
         site, "SELECT * FROM station_pose WHERE station_id = ?1 ORDER BY id LIMIT -1 OFFSET ?2",
-        numbers, 2, &stmt, err);
-    while (!st && count < capacity) {
-        st = store_fetch(site, stmt, STORE_STATION_POSE, err);
-        if (!st)
-            st = read_pose(stmt, &out_poses[count], err);
-        count += !st;
-    }
-    (void)sqlite3_reset(stmt);
-    if (st && st != ST_NOT_FOUND)
-        return st;
-    *out_count = count;
-    return ST_OK;
+        numbers, 2, STORE_STATION_POSE, list_read_pose, out_poses, sizeof *out_poses, capacity,
+        out_count, err);
 }

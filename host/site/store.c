@@ -335,3 +335,31 @@ enum st store_remove(struct site *site, enum store_table table, int64_t id, stru
     (void)sqlite3_reset(stmt);
     return st;
 }
+
+enum st store_list_bound(struct site *site, sqlite3_stmt *stmt, enum store_table table,
+                         store_read_fn *read, void *out_rows, size_t elem_bytes, size_t capacity,
+                         size_t *out_count, struct errctx *err) {
+    size_t count = 0;
+    enum st st = ST_OK;
+    while (!st && count < capacity) {
+        st = store_fetch(site, stmt, table, err);
+        if (!st)
+            st = read(site, stmt, (unsigned char *)out_rows + count * elem_bytes, err);
+        count += !st;
+    }
+    (void)sqlite3_reset(stmt);
+    if (st && st != ST_NOT_FOUND)
+        return st;
+    *out_count = count;
+    return ST_OK;
+}
+
+enum st store_list(struct site *site, const char *sql, const int64_t *numbers, int count,
+                   enum store_table table, store_read_fn *read, void *out_rows, size_t elem_bytes,
+                   size_t capacity, size_t *out_count, struct errctx *err) {
+    sqlite3_stmt *stmt = NULL;
+    const enum st st = store_query(site, sql, numbers, count, &stmt, err);
+    return st ? st
+              : store_list_bound(site, stmt, table, read, out_rows, elem_bytes, capacity, out_count,
+                                 err);
+}

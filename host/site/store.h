@@ -72,6 +72,20 @@ ST_MUST_CHECK enum st store_fetch(struct site *site, sqlite3_stmt *stmt, enum st
 ST_MUST_CHECK enum st store_fetch_id(struct site *site, enum store_table table, int64_t id,
                                      sqlite3_stmt **out_stmt, struct errctx *err);
 
+/* A page of such a `SELECT`: reads up to `capacity` rows into out_rows, elements of elem_bytes,
+ * with `read`. ST_DAMAGED as store_fetch(); *out_count is set on success only. */
+typedef enum st store_read_fn(struct site *site, sqlite3_stmt *stmt, void *out_row,
+                              struct errctx *err);
+ST_MUST_CHECK enum st store_list(struct site *site, const char *sql, const int64_t *numbers,
+                                 int count, enum store_table table, store_read_fn *read,
+                                 void *out_rows, size_t elem_bytes, size_t capacity,
+                                 size_t *out_count, struct errctx *err);
+/* The same for a statement whose numbers are bound already. */
+ST_MUST_CHECK enum st store_list_bound(struct site *site, sqlite3_stmt *stmt,
+                                       enum store_table table, store_read_fn *read, void *out_rows,
+                                       size_t elem_bytes, size_t capacity, size_t *out_count,
+                                       struct errctx *err);
+
 /* True if a row with that id is there. */
 ST_MUST_CHECK enum st store_require(struct site *site, enum store_table table, int64_t id,
                                     struct errctx *err);

@@ -127,26 +127,20 @@ enum st stream_find(struct site *site, int64_t station_id, const char *kind, con
                : st;
 }
 
+static enum st list_read_stream(struct site *site, sqlite3_stmt *stmt, void *out_row,
+                                struct errctx *err) {
+    (void)site;
+    return read_stream(stmt, out_row, err);
+}
+
 enum st stream_list(struct site *site, int64_t station_id, int64_t after_id,
                     struct stream *out_streams, size_t capacity, size_t *out_count,
                     struct errctx *err) {
     const int64_t numbers[2] = {after_id, station_id};
-    sqlite3_stmt *stmt = NULL;
-    size_t count = 0;
-    enum st st = store_query(
+    return store_list(
         site, "SELECT * FROM stream WHERE id > ?1 AND (?2 = 0 OR station_id = ?2) ORDER BY id",
-        numbers, 2, &stmt, err);
-    while (!st && count < capacity) {
-        st = store_fetch(site, stmt, STORE_STREAM, err);
-        if (!st)
-            st = read_stream(stmt, &out_streams[count], err);
-        count += !st;
-    }
-    (void)sqlite3_reset(stmt);
-    if (st && st != ST_NOT_FOUND)
-        return st;
-    *out_count = count;
-    return ST_OK;
+        numbers, 2, STORE_STREAM, list_read_stream, out_streams, sizeof *out_streams, capacity,
+        out_count, err);
 }
 
 /* Where a stream stands: the newest chunk's header; before the first, sequence -1, end 0 and link
@@ -352,31 +346,23 @@ enum st stream_ledger_add(struct site *site, const struct stream_ledger *entry,
     return batch_end(site, st, err);
 }
 
+static enum st list_ledger(struct site *site, sqlite3_stmt *stmt, void *out_row,
+                           struct errctx *err) {
+    (void)site;
+    struct stream_ledger *entry = out_row;
+    *entry = (struct stream_ledger){.id = sqlite3_column_int64(stmt, 0),
+                                    .stream_id = sqlite3_column_int64(stmt, 1),
+                                    .first_item = sqlite3_column_int64(stmt, 2),
+                                    .end_item = sqlite3_column_int64(stmt, 3),
+                                    .t_ns = sqlite3_column_int64(stmt, 4)};
+    return row_get_text(stmt, 5, entry->reason, sizeof entry->reason, err);
+}
+
 enum st stream_ledger_list(struct site *site, int64_t stream_id, int64_t after_id,
                            struct stream_ledger *out_entries, size_t capacity, size_t *out_count,
                            struct errctx *err) {
     const int64_t numbers[2] = {stream_id, after_id};
-    sqlite3_stmt *stmt = NULL;
-    size_t count = 0;
-    enum st st =
-        store_query(site, "SELECT * FROM ledger WHERE stream_id = ?1 AND id > ?2 ORDER BY id",
-                    numbers, 2, &stmt, err);
-    while (!st && count < capacity) {
-        st = store_fetch(site, stmt, STORE_LEDGER, err);
-        struct stream_ledger *entry = &out_entries[count];
-        if (!st) {
-            *entry = (struct stream_ledger){.id = sqlite3_column_int64(stmt, 0),
-                                            .stream_id = stream_id,
-                                            .first_item = sqlite3_column_int64(stmt, 2),
-                                            .end_item = sqlite3_column_int64(stmt, 3),
-                                            .t_ns = sqlite3_column_int64(stmt, 4)};
-            st = row_get_text(stmt, 5, entry->reason, sizeof entry->reason, err);
-        }
-        count += !st;
-    }
-    (void)sqlite3_reset(stmt);
-    if (st && st != ST_NOT_FOUND)
-        return st;
-    *out_count = count;
-    return ST_OK;
+    return store_list(site, "SELECT * FROM ledger WHERE stream_id = ?1 AND id > ?2 ORDER BY id",
+                      numbers, 2, STORE_LEDGER, list_ledger, out_entries, sizeof *out_entries,
+                      capacity, out_count, err);
 }
