@@ -1,7 +1,7 @@
 /* Opens the devices that a board file names: the real ones, or a recording's. (The twin's are
  * opened by the program: capture does not know the twin.) */
-#ifndef SC_CAPTURE_BOARD_OPEN_H
-#define SC_CAPTURE_BOARD_OPEN_H
+#ifndef SC_CAPTURE_BACKENDS_BOARD_OPEN_H
+#define SC_CAPTURE_BACKENDS_BOARD_OPEN_H
 
 #include "base/st.h"
 #include "capture/board_config.h"

@@ -1,4 +1,4 @@
-#include "capture/board_open.h"
+#include "capture/backends/board_open.h"
 
 #include "capture/backends/camera_libcamera.h"
 #include "capture/backends/camera_v4l2.h"
