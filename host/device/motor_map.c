@@ -179,9 +179,12 @@ static enum st map_status(struct motor *motor, struct motor_status *out_status,
     if (!result)
         result = map->line.read_discrete(map->line.ctx, 0, REGMAP_DISCRETE_COUNT_, bits, err);
     enum st st = judge(map, result, "read the status", err);
-    if (!st)
-        *out_status = status_of(&in, bits);
-    return st;
+    if (st)
+        return st;
+    *out_status = status_of(&in, bits);
+    if (map->line.now_ns)
+        out_status->t_ns = map->line.now_ns(map->line.ctx);
+    return ST_OK;
 }
 
 /* --- events

@@ -25,6 +25,8 @@ struct motor_line {
                       uint16_t read_start, unsigned read_count, uint16_t *out_words,
                       struct errctx *err);
     void (*close)(void *ctx);
+    /* Host time of answers; NULL: the host's own clock. */
+    int64_t (*now_ns)(void *ctx);
 };
 
 /* A motor over a line, on the heap. Takes the line over: closing the motor closes it, and a failure

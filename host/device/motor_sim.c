@@ -4,16 +4,17 @@
 #include "firmware/port/sim/sim.h"
 #include "firmware/shared/mbframe.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 enum { UNIT = 1, TIMEOUT_US = 1000000, TRIES = 3, BLOCK_MS = 1000 };
 
 /* Sends a PDU behind the unit's number in `frame`. Returns the reply's length (unit first, no CRC),
  * minus an exception code, or minus 1000 for silence. */
-static int ask(struct sim *sim, const uint8_t *frame, size_t count, bool repeat,
+static int ask(const struct motor_sim_line *line, const uint8_t *frame, size_t count, bool repeat,
                uint8_t *out_reply) {
     for (int attempt = 0; attempt < (repeat ? TRIES : 1); attempt++) {
-        size_t got = sim_transact(sim, frame, count, out_reply, TIMEOUT_US);
+        size_t got = sim_transact(line->sim, frame, count, out_reply, line->timeout_us);
         if (got >= 3 && out_reply[1] == (frame[1] | 0x80))
             return -(int)out_reply[2];
         if (got >= 2 && out_reply[1] == frame[1])
@@ -95,16 +96,29 @@ static int line_write_read(void *ctx, uint16_t write_start, unsigned write_count
 }
 
 static void line_close(void *ctx) {
-    (void)ctx; /* the simulation is the caller's */
+    (void)ctx; /* the caller's */
+}
+
+static void own_line_close(void *ctx) {
+    free(ctx); /* the simulation is the caller's */
+}
+
+struct motor_line motor_sim_line(struct motor_sim_line *line) {
+    return (struct motor_line){.ctx = line,
+                               .read = line_read,
+                               .read_discrete = line_read_discrete,
+                               .write = line_write,
+                               .write_coil = line_write_coil,
+                               .write_read = line_write_read,
+                               .close = line_close};
 }
 
 enum st motor_sim_open(struct sim *sim, struct motor **out_motor, struct errctx *err) {
-    struct motor_line line = {.ctx = sim,
-                              .read = line_read,
-                              .read_discrete = line_read_discrete,
-                              .write = line_write,
-                              .write_coil = line_write_coil,
-                              .write_read = line_write_read,
-                              .close = line_close};
+    struct motor_sim_line *own = malloc(sizeof *own);
+    if (!own)
+        return errctx_set(err, ST_NOMEM, "simulated controller: out of memory");
+    *own = (struct motor_sim_line){sim, TIMEOUT_US};
+    struct motor_line line = motor_sim_line(own);
+    line.close = own_line_close;
     return motor_map_open(&line, BLOCK_MS, out_motor, err);
 }

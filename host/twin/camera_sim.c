@@ -12,6 +12,21 @@ struct camera_sim camera_sim_at(const struct camera *camera, const struct pose *
     return sim;
 }
 
+struct camera_sim camera_sim_on_cart(const struct twin_config *config,
+                                     const struct pose *world_from_station, double pan_rad,
+                                     double tilt_rad, uint64_t seed) {
+    struct rig_camera camera = twin_config_camera(config, true);
+    struct pose station_from_cam = rig_camera_pose(&camera, tilt_rad, pan_rad);
+    struct pose world_from_cam = pose_compose(world_from_station, &station_from_cam);
+    struct camera_sim sim = camera_sim_at(&camera.camera, &world_from_cam);
+    sim.rays = (int)(twin_config_real(config, TWIN_CONFIG_CAMERA_SAMPLES) + 0.5);
+    sim.vignetting = twin_config_real(config, TWIN_CONFIG_CAMERA_VIGNETTE);
+    sim.noise = twin_config_real(config, TWIN_CONFIG_CAMERA_NOISE);
+    sim.full_well = sim.noise > 0 ? twin_config_real(config, TWIN_CONFIG_CAMERA_WELL) : 0;
+    sim.seed = seed;
+    return sim;
+}
+
 /* Sums over a pixel. */
 struct pixel {
     float albedo[3], direct[3], indirect[3], added[3], normal[3], depth_m;

@@ -6,6 +6,7 @@
 #include "base/image.h"
 #include "base/pose.h"
 #include "twin/scene.h"
+#include "twin/twin_config.h"
 
 struct camera_sim {
     struct camera camera; /* true, with distortion */
@@ -21,6 +22,12 @@ struct camera_sim {
 
 /* Neutral settings for a camera at a pose: no vignetting, no noise, 8 rays. */
 struct camera_sim camera_sim_at(const struct camera *camera, const struct pose *world_from_cam);
+
+/* The cart's true camera at world_from_station with the head at those true angles: its lens, rays,
+ * vignetting and noise as the parameters say. */
+struct camera_sim camera_sim_on_cart(const struct twin_config *config,
+                                     const struct pose *world_from_station, double pan_rad,
+                                     double tilt_rad, uint64_t seed);
 
 /* Renders into a new RGB image, sRGB. ST_INVALID for a camera that camera_check() refuses,
  * ST_NOMEM. Pixels whose ray is outside the lens model's domain are black. Runs on all threads;

@@ -1,5 +1,9 @@
 #include "twin/cart.h"
 
+#include "device/motor_sim.h"
+#include "firmware/core/firmware.h"
+
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -7,6 +11,13 @@
 static const int64_t flush_ns = 20000000;
 /* The head's usual setting (Nyland et al. 1999). */
 static const double default_max_range_m = 6;
+/* Slower, and the head says that the mirror is not at its speed. */
+static const double locked_rad_s = 6;
+/* A request to the controller is given up after this silence. */
+static const uint64_t reply_timeout_us = 200000;
+enum { BLOCK_MS = 700 };
+/* The head may lag that far behind the controller between two calls of cart_advance(). */
+static const int64_t follow_ns = 100000000;
 
 /* Streams of random numbers of one cart; samples have their own. */
 enum { SEED_MECHANICS = 1, SEED_CLOCKS, SEED_EVENTS };
@@ -25,7 +36,6 @@ struct cart {
     double encoder_noise_counts, blind_counts, host_latency_us, ambient;
     uint32_t interval_ns;
     /* head */
-    bool laser;
     int64_t head_zero_ns; /* head clock reading that the head calls 0 (it moves with a reset) */
     int64_t sample;       /* number of the next sample: its head time is sample * interval */
     uint32_t seq_zero;    /* sample number that the head calls 0 */
@@ -36,12 +46,11 @@ struct cart {
     bool reset_next;
     int64_t silent_until_ns; /* true time */
     double last_counts;
+    struct mechanics_state now; /* at the last sample put into a packet */
     /* controller */
-    struct idxevent event;
-    bool sweep;
-    uint32_t edge_seq[2];
-    bool index_was_missing;
-    int64_t last_index_ns; /* true time */
+    struct motor_sim_line line;
+    uint32_t next_event; /* of the controller's log */
+    uint32_t edge_seq[CART_LINES];
     /* samples of the block */
     struct cart_shot *shot;
     int shot_capacity;
@@ -53,7 +62,7 @@ enum st cart_create(const struct scene *scene, const struct twin_config *config,
                     struct errctx *err) {
     struct cart *c = calloc(1, sizeof *c);
     double rate = twin_config_real(config, TWIN_CONFIG_SAMPLE_RATE);
-    int capacity = (int)(rate * MECHANICS_BLOCK * MECHANICS_STEP_NS * 1e-9 * 1.01) + 16;
+    int capacity = (int)(rate * MECHANICS_BLOCK_NS * 1e-9 * 1.01) + 16;
     struct cart_shot *shot = c ? malloc((size_t)capacity * sizeof *shot) : NULL;
     if (!c || !shot) {
         free(c);
@@ -71,7 +80,7 @@ enum st cart_create(const struct scene *scene, const struct twin_config *config,
         c->optics.max_range_m = scene->max_range_m > 0 ? scene->max_range_m : default_max_range_m;
     c->seed = seed;
     struct rng root = rng_stream(seed, 0);
-    mechanics_init(&c->mechanics, config, faults, rng_u64(&root) + SEED_MECHANICS);
+    uint64_t plant_seed = rng_u64(&root) + SEED_MECHANICS;
     for (int i = 0; i < 3; i++) {
         struct clocks_spec spec = twin_config_clock(config, (enum twin_config_clock)i);
         c->clock[i] = clocks_make(&spec, rng_u64(&root) + SEED_CLOCKS);
@@ -80,7 +89,6 @@ enum st cart_create(const struct scene *scene, const struct twin_config *config,
         if (faults->list[i].kind == FAULTS_CLOCK_JUMP)
             clocks_jump(&c->clock[TWIN_CLOCK_HOST], faults->list[i].start_ns,
                         (int64_t)llround(faults->list[i].value * 1e9));
-    c->last_index_ns = -1;
     c->events = rng_make(rng_u64(&root) + SEED_EVENTS);
     c->encoder_noise_counts = twin_config_real(config, TWIN_CONFIG_ENCODER_NOISE);
     c->blind_counts = twin_config_real(config, TWIN_CONFIG_BLIND_ARC) / 360 * HEAD_ENCODER_COUNTS;
@@ -94,6 +102,15 @@ enum st cart_create(const struct scene *scene, const struct twin_config *config,
     int64_t shown_ns = clocks_show(&c->clock[TWIN_CLOCK_HEAD], 0);
     c->sample = shown_ns / c->interval_ns + 1;
     c->seq_zero = (uint32_t)c->sample;
+    enum st st = mechanics_create(&c->mechanics, config, faults, &c->clock[TWIN_CLOCK_CONTROLLER],
+                                  plant_seed, err);
+    c->line = (struct motor_sim_line){c->mechanics.sim, reply_timeout_us};
+    if (!st)
+        st = mechanics_block(&c->mechanics, 0, 0, err);
+    if (st) {
+        cart_destroy(c);
+        return st;
+    }
     *out_cart = c;
     return ST_OK;
 }
@@ -101,16 +118,17 @@ enum st cart_create(const struct scene *scene, const struct twin_config *config,
 void cart_destroy(struct cart *cart) {
     if (!cart)
         return;
+    mechanics_destroy(&cart->mechanics);
     free(cart->shot);
     free(cart);
 }
 
 int64_t cart_time_ns(const struct cart *cart) {
-    return cart->mechanics.t_ns;
+    return mechanics_reached_ns(&cart->mechanics);
 }
 
 struct mechanics_state cart_state(const struct cart *cart) {
-    return mechanics_at(&cart->mechanics, (double)cart->mechanics.t_ns);
+    return mechanics_at(&cart->mechanics, (double)cart->mechanics.to_ns);
 }
 
 const struct clocks *cart_clock(const struct cart *cart, enum twin_config_clock which) {
@@ -118,7 +136,7 @@ const struct clocks *cart_clock(const struct cart *cart, enum twin_config_clock 
 }
 
 int64_t cart_clock_ns(const struct cart *cart, enum twin_config_clock which) {
-    return clocks_show(&cart->clock[which], cart->mechanics.t_ns);
+    return clocks_show(&cart->clock[which], cart_time_ns(cart));
 }
 
 uint64_t cart_samples(const struct cart *cart) {
@@ -129,25 +147,18 @@ uint64_t cart_samples_sent(const struct cart *cart) {
     return cart->sent;
 }
 
-void cart_mirror(struct cart *cart, double speed_hz) {
-    mechanics_mirror(&cart->mechanics, speed_hz);
-}
-
-void cart_laser(struct cart *cart, bool on) {
-    cart->laser = on;
-}
-
-void cart_pan(struct cart *cart, double target_steps, double rate_steps_s, bool sweep) {
-    mechanics_move(&cart->mechanics.pan, target_steps, rate_steps_s);
-    cart->sweep = sweep;
-}
-
-void cart_tilt(struct cart *cart, double target_steps, double rate_steps_s) {
-    mechanics_move(&cart->mechanics.tilt, target_steps, rate_steps_s);
-}
-
-bool cart_at_rest(const struct cart *cart) {
-    return mechanics_at_rest(&cart->mechanics.pan) && mechanics_at_rest(&cart->mechanics.tilt);
+const struct fault *cart_fault(const struct cart *cart, enum faults_kind kind, int64_t step_ns) {
+    int64_t now_ns = cart->mechanics.to_ns;
+    const struct fault *f = NULL;
+    if (cart->faults)
+        f = faults_at(cart->faults, kind, now_ns, 1);
+    for (size_t i = 0; !f && cart->faults && i < cart->faults->count; i++) {
+        const struct fault *one = &cart->faults->list[i];
+        if (one->kind == kind && !one->duration_ns && now_ns >= one->start_ns &&
+            now_ns < one->start_ns + step_ns)
+            f = one;
+    }
+    return f;
 }
 
 /* When the host notices something that happened at true time t. */
@@ -195,13 +206,13 @@ static void simulate_sample(const struct cart *c, int64_t number, double t_ns,
     shot->seq = (uint32_t)number - c->seq_zero;
     shot->t_ns = (int64_t)t_ns;
     shot->state = mechanics_at(&c->mechanics, t_ns);
-    double counts = mechanics_counts(&c->mechanics, &shot->state, t_ns);
+    double counts = mechanics_counts(&c->mechanics, t_ns);
     shot->counts = counts + c->encoder_noise_counts * rng_normal(&rng);
     shot->range_m = (double)NAN;
     if (blind(c, counts))
         return;
     shot->beam = beam_at(c, &shot->state, t_ns);
-    if (!c->laser) {
+    if (!shot->state.laser) {
         shot->reading.flags = HEAD_SAMPLE_LASER_OFF;
         shot->reading.distance_m = (double)NAN;
         return;
@@ -237,7 +248,8 @@ static enum st flush(struct cart *c, struct errctx *err) {
     if (wrong)
         c->packet.packet_seq += (uint32_t)(int64_t)wrong->value;
     c->packet.flags = c->reset_next ? HEAD_PACKET_RESET : 0;
-    c->packet.status = (c->laser ? HEAD_STATUS_LASER_ON : 0u) | HEAD_STATUS_MIRROR_LOCKED;
+    c->packet.status = (c->now.laser ? HEAD_STATUS_LASER_ON : 0u) |
+                       (c->now.mirror_rad_s > locked_rad_s ? HEAD_STATUS_MIRROR_LOCKED : 0u);
     c->reset_next = false;
     enum st st = head_packet_encode(&c->packet, bytes, &size);
     if (st)
@@ -311,131 +323,220 @@ static enum st gather(struct cart *c, int64_t number, const struct cart_shot *sh
     if (floor(shot->counts / HEAD_ENCODER_COUNTS) > floor(c->last_counts / HEAD_ENCODER_COUNTS))
         s->flags |= HEAD_SAMPLE_INDEX;
     c->last_counts = shot->counts;
+    c->now = shot->state;
     c->packet_t_ns = shot->t_ns;
     return p->sample_count == HEAD_PACKET_MAX_SAMPLES ? flush(c, err) : ST_OK;
 }
 
-/* ---- controller and GPIO ---- */
+/* ---- controller and lines ---- */
 
-static struct idxevent event_now(struct cart *c, int64_t t_ns, enum idxevent_kind kind) {
-    struct mechanics_state s = mechanics_at(&c->mechanics, (double)t_ns);
-    const struct mechanics_axis *pan = &c->mechanics.pan;
-    struct idxevent e = c->event;
-    double steps = floor(s.pan_motor_steps);
-    bool moving = fabs(pan->velocity_steps_s) > 0;
-    e.time_us = (uint64_t)(clocks_read(&c->clock[TWIN_CLOCK_CONTROLLER], t_ns, &c->events) / 1000);
-    e.pan_steps = (int32_t)steps;
-    e.tilt_steps = (int32_t)llround(s.tilt_motor_steps);
-    e.pan_phase = moving ? (uint16_t)((s.pan_motor_steps - steps) * 65536) : 0;
-    e.flags =
-        (uint16_t)((int)kind | IDXEVENT_PAN_HOMED | IDXEVENT_TILT_HOMED | IDXEVENT_PAN_TAKEN_UP |
-                   (moving ? IDXEVENT_PAN_MOVING : 0) |
-                   (pan->direction > 0 ? IDXEVENT_PAN_POSITIVE : 0) |
-                   (c->laser ? IDXEVENT_LASER : 0) | (c->sweep && moving ? IDXEVENT_SWEEP : 0) |
-                   IDXEVENT_MIRROR_OK | (c->index_was_missing ? IDXEVENT_AFTER_MISSED : 0));
-    return e;
-}
-
-static enum st send_event(struct cart *c, int64_t t_ns, enum idxevent_kind kind,
-                          enum cart_line line, struct errctx *err) {
-    struct idxevent e = event_now(c, t_ns, kind);
-    c->event.seq++;
-    c->index_was_missing = false;
-    struct cart_edge edge = {host_notices(c, t_ns), line, c->edge_seq[line]++};
-    enum st st = ST_OK;
-    if (c->sink.index)
-        st = c->sink.index(c->sink.ctx, &e, edge.t_host_ns, err);
-    if (!st && c->sink.edge)
-        st = c->sink.edge(c->sink.ctx, &edge, err);
-    return st;
-}
-
-/* Missing while the fault lasts; a fault without duration swallows the next pulse after its start.
- */
-static bool index_missing(struct cart *c, int64_t t_ns) {
-    for (size_t i = 0; c->faults && i < c->faults->count; i++) {
-        const struct fault *f = &c->faults->list[i];
-        if (f->kind != FAULTS_INDEX_MISSING || t_ns < f->start_ns)
-            continue;
-        if (f->duration_ns ? t_ns < f->start_ns + f->duration_ns : c->last_index_ns < f->start_ns)
-            return true;
-    }
-    return false;
-}
-
-static enum st index_pulse(struct cart *c, int64_t t_ns, struct errctx *err) {
-    c->event.revolution++;
-    bool missing = index_missing(c, t_ns);
-    c->last_index_ns = t_ns;
-    if (missing) {
-        c->index_was_missing = true;
+/* An edge on one of the lines that the host watches. */
+static enum st send_edge(struct cart *c, const struct mechanics_event *event, int64_t t_ns,
+                         struct errctx *err) {
+    static const enum cart_line line[] = {[MECHANICS_INDEX] = CART_LINE_INDEX,
+                                          [MECHANICS_STROBE] = CART_LINE_STROBE,
+                                          [MECHANICS_ESTOP] = CART_LINE_ESTOP,
+                                          [MECHANICS_INTERLOCK] = CART_LINE_INTERLOCK};
+    struct cart_edge edge = {.t_host_ns = host_notices(c, t_ns),
+                             .line = line[event->kind],
+                             .high = event->high,
+                             .seq = c->edge_seq[line[event->kind]]++,
+                             .t_ns = t_ns};
+    if (!c->sink.edge)
         return ST_OK;
-    }
-    return send_event(c, t_ns, IDXEVENT_INDEX, CART_LINE_INDEX, err);
+    edge.state = mechanics_at(&c->mechanics, (double)t_ns);
+    return c->sink.edge(c->sink.ctx, &edge, err);
 }
 
-enum st cart_strobe(struct cart *cart, struct errctx *err) {
-    return send_event(cart, cart->mechanics.t_ns, IDXEVENT_STROBE, CART_LINE_STROBE, err);
+/* Hands on what the controller has logged since the last time. */
+static enum st send_log(struct cart *c, struct errctx *err) {
+    const struct evring *ring = &sim_firmware(c->mechanics.sim)->events;
+    enum st st = ST_OK;
+    if (ring->next < c->next_event) /* it has been reset */
+        c->next_event = 0;
+    if (ring->next - c->next_event > EVRING_SIZE)
+        c->next_event = ring->next - EVRING_SIZE;
+    for (; c->next_event < ring->next && !st; c->next_event++)
+        if (c->sink.index)
+            st = c->sink.index(c->sink.ctx, &ring->events[c->next_event % EVRING_SIZE], err);
+    return st;
 }
 
 /* ---- time ---- */
 
-/* Samples whose middle lies in the block: simulated in parallel, then sent in order with the index
- * pulses. */
-static enum st run_block(struct cart *c, struct errctx *err) {
-    const struct mechanics *m = &c->mechanics;
-    int64_t from_ns = m->block_t_ns, to_ns = m->t_ns;
+/* Samples whose middle lies in the block are simulated in parallel. Returns their number. */
+static int simulate_block(struct cart *c, int64_t from_ns, int64_t to_ns) {
     const struct clocks *head = &c->clock[TWIN_CLOCK_HEAD];
     double shown0 = (double)clocks_show(head, from_ns), shown1 = (double)clocks_show(head, to_ns);
-    double rate =
-        (double)(to_ns - from_ns) / (shown1 - shown0); /* the clock is straight within a block */
+    /* the clock is straight within a block */
+    double rate = (double)(to_ns - from_ns) / (shown1 - shown0);
     int64_t first = c->sample;
     int count = 0;
     while (count < c->shot_capacity && (double)((first + count) * (int64_t)c->interval_ns) < shown1)
         count++;
-#pragma omp parallel for schedule(dynamic, 64)
+#pragma omp parallel for schedule(dynamic, 64) if (count > 256)
     for (int i = 0; i < count; i++) {
         double t_ns =
             (double)from_ns + ((double)((first + i) * (int64_t)c->interval_ns) - shown0) * rate;
         simulate_sample(c, first + i, t_ns, &c->shot[i]);
     }
     c->sample = first + count;
-    int64_t pulse[64];
-    int pulses = mechanics_index(m, pulse, 64), next = 0;
-    enum st st = ST_OK;
-    for (int i = 0; i <= count && !st; i++) {
-        int64_t t_ns = i < count ? c->shot[i].t_ns : to_ns;
-        for (; next < pulses && pulse[next] <= t_ns && !st; next++)
-            st = index_pulse(c, pulse[next], err);
-        if (i == count || st)
-            break;
-        c->taken++;
-        if (vec3_norm(c->shot[i].beam.dir) > 0) {
-            st = gather(c, first + i, &c->shot[i], err);
-            if (!st && c->sink.shot)
-                st = c->sink.shot(c->sink.ctx, &c->shot[i], err);
-        } else if (c->packet.sample_count) {
-            st = flush(c, err); /* the blind arc begins */
-        }
-    }
+    return count;
+}
+
+static enum st send_shot(struct cart *c, int64_t number, const struct cart_shot *shot,
+                         struct errctx *err) {
+    c->taken++;
+    if (!(vec3_norm(shot->beam.dir) > 0)) /* in the blind arc, which ends a packet */
+        return c->packet.sample_count ? flush(c, err) : ST_OK;
+    enum st st = gather(c, number, shot, err);
+    if (!st && c->sink.shot)
+        st = c->sink.shot(c->sink.ctx, shot, err);
     return st;
 }
 
+/* The controller and its plant have run up to to_ns: now what the head measures meanwhile, and all
+ * that goes out, in order. */
+static enum st run_block(struct cart *c, int64_t to_ns, struct errctx *err) {
+    int64_t from_ns = c->mechanics.to_ns;
+    enum st st = mechanics_block(&c->mechanics, from_ns, to_ns, err);
+    if (st)
+        return st;
+    int64_t first = c->sample;
+    int count = simulate_block(c, from_ns, to_ns);
+    struct mechanics_event event;
+    int64_t event_ns = 0;
+    size_t next = 0;
+    bool waiting = mechanics_event(&c->mechanics, 0, &event, &event_ns);
+    for (int i = 0; i <= count && !st; i++) {
+        int64_t t_ns = i < count ? c->shot[i].t_ns : to_ns;
+        while (waiting && event_ns <= t_ns && !st) {
+            st = send_edge(c, &event, event_ns, err);
+            waiting = mechanics_event(&c->mechanics, ++next, &event, &event_ns);
+        }
+        if (i < count && !st)
+            st = send_shot(c, first + i, &c->shot[i], err);
+    }
+    return st ? st : send_log(c, err);
+}
+
+/* Ends of blocks: not too long, and not beyond a loss of power. */
+static int64_t next_end(const struct cart *c, int64_t end_ns) {
+    int64_t from_ns = c->mechanics.to_ns;
+    int64_t next_ns = end_ns - from_ns > MECHANICS_BLOCK_NS ? from_ns + MECHANICS_BLOCK_NS : end_ns;
+    for (size_t i = 0; c->faults && i < c->faults->count; i++) {
+        const struct fault *f = &c->faults->list[i];
+        if (f->kind == FAULTS_POWER_LOSS && f->start_ns < next_ns)
+            next_ns = f->start_ns > from_ns ? f->start_ns : from_ns;
+    }
+    return next_ns;
+}
+
 enum st cart_advance(struct cart *cart, int64_t t_ns, struct errctx *err) {
-    while (cart->mechanics.t_ns < t_ns) {
-        int64_t left = (t_ns - cart->mechanics.t_ns + MECHANICS_STEP_NS - 1) / MECHANICS_STEP_NS;
-        int steps = left < MECHANICS_BLOCK ? (int)left : MECHANICS_BLOCK;
-        const struct fault *cut =
-            cart->faults ? faults_at(cart->faults, FAULTS_POWER_LOSS, cart->mechanics.t_ns,
-                                     (int64_t)steps * MECHANICS_STEP_NS)
-                         : NULL;
-        if (cut)
+    while (cart->mechanics.to_ns < t_ns) {
+        int64_t next_ns = next_end(cart, t_ns);
+        if (next_ns == cart->mechanics.to_ns)
             return errctx_set(err, ST_CANCELLED, "the cart lost power at %.3f s",
-                              (double)cut->start_ns * 1e-9);
-        mechanics_advance(&cart->mechanics, steps);
-        enum st st = run_block(cart, err);
+                              (double)next_ns * 1e-9);
+        mechanics_run(&cart->mechanics, next_ns);
+        enum st st = run_block(cart, next_ns, err);
         if (st)
             return st;
     }
     return ST_OK;
+}
+
+/* ---- the controller's line ---- */
+
+/* A line whose requests the cart follows. */
+struct cart_request {
+    struct cart *cart;
+    struct cart_hooks hooks;
+    struct motor_line inner;
+};
+
+static int begin(const struct cart_request *r, struct errctx *err) {
+    enum st st = r->hooks.enter ? r->hooks.enter(r->hooks.ctx, err) : ST_OK;
+    /* Without power there is nobody to ask. */
+    if (!st && next_end(r->cart, r->cart->mechanics.to_ns + 1) == r->cart->mechanics.to_ns) {
+        st = errctx_set(err, ST_CANCELLED, "the cart has lost power");
+        if (r->hooks.leave)
+            (void)r->hooks.leave(r->hooks.ctx, NULL);
+    }
+    return st;
+}
+
+static int end(const struct cart_request *r, int result, struct errctx *err) {
+    /* Requests are short: the head follows in larger bites, which all threads can share. */
+    int64_t reached_ns = mechanics_reached_ns(&r->cart->mechanics);
+    bool due = reached_ns - r->cart->mechanics.to_ns > follow_ns;
+    enum st st = due || r->hooks.leave ? cart_advance(r->cart, reached_ns, err) : ST_OK;
+    enum st left = r->hooks.leave ? r->hooks.leave(r->hooks.ctx, st ? NULL : err) : ST_OK;
+    if (st || left)
+        return st ? st : left;
+    return result;
+}
+
+static int request_read(void *ctx, uint16_t start, unsigned count, uint16_t *out_words,
+                        struct errctx *err) {
+    const struct cart_request *r = ctx;
+    int st = begin(r, err);
+    return st ? st : end(r, r->inner.read(r->inner.ctx, start, count, out_words, err), err);
+}
+
+static int request_read_discrete(void *ctx, uint16_t start, unsigned count, uint8_t *out_bits,
+                                 struct errctx *err) {
+    const struct cart_request *r = ctx;
+    int st = begin(r, err);
+    return st ? st : end(r, r->inner.read_discrete(r->inner.ctx, start, count, out_bits, err), err);
+}
+
+static int request_write(void *ctx, uint16_t start, unsigned count, const uint16_t *words,
+                         bool repeat, struct errctx *err) {
+    const struct cart_request *r = ctx;
+    int st = begin(r, err);
+    return st ? st : end(r, r->inner.write(r->inner.ctx, start, count, words, repeat, err), err);
+}
+
+static int request_write_coil(void *ctx, uint16_t coil, bool on, bool repeat, struct errctx *err) {
+    const struct cart_request *r = ctx;
+    int st = begin(r, err);
+    return st ? st : end(r, r->inner.write_coil(r->inner.ctx, coil, on, repeat, err), err);
+}
+
+static int request_write_read(void *ctx, uint16_t write_start, unsigned write_count,
+                              const uint16_t *words, uint16_t read_start, unsigned read_count,
+                              uint16_t *out_words, struct errctx *err) {
+    const struct cart_request *r = ctx;
+    int st = begin(r, err);
+    return st ? st
+              : end(r,
+                    r->inner.write_read(r->inner.ctx, write_start, write_count, words, read_start,
+                                        read_count, out_words, err),
+                    err);
+}
+
+static int64_t request_now(void *ctx) {
+    const struct cart_request *r = ctx;
+    return r->hooks.now_ns ? r->hooks.now_ns(r->hooks.ctx)
+                           : cart_clock_ns(r->cart, TWIN_CLOCK_HOST);
+}
+
+enum st cart_motor(struct cart *cart, const struct cart_hooks *hooks, struct motor **out_motor,
+                   struct errctx *err) {
+    struct cart_request *r = calloc(1, sizeof *r);
+    if (!r)
+        return errctx_set(err, ST_NOMEM, "simulated controller: out of memory");
+    r->cart = cart;
+    r->hooks = hooks ? *hooks : r->hooks;
+    r->inner = motor_sim_line(&cart->line);
+    struct motor_line line = {.ctx = r,
+                              .read = request_read,
+                              .read_discrete = request_read_discrete,
+                              .write = request_write,
+                              .write_coil = request_write_coil,
+                              .write_read = request_write_read,
+                              .close = free,
+                              .now_ns = request_now};
+    return motor_map_open(&line, BLOCK_MS, out_motor, err);
 }

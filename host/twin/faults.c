@@ -18,12 +18,13 @@ static const struct faults_info infos[FAULTS_KINDS] = {
                              -4096, 4096},
     [FAULTS_INDEX_MISSING] = {"index_missing", "index pulses are not seen by controller and host",
                               NULL, 1, 1, 1},
-    [FAULTS_MIRROR_STALL] = {"mirror_stall", "the mirror brakes to a stop and spins up afterwards",
-                             NULL, 1, 1, 1},
-    [FAULTS_MIRROR_SURGE] = {"mirror_surge", "the mirror runs at another speed", "factor", 1.3, 0.1,
-                             4},
+    [FAULTS_MIRROR_STALL] = {"mirror_stall",
+                             "the mirror is blocked: the controller switches all off", NULL, 1, 1,
+                             1},
+    [FAULTS_MIRROR_SURGE] = {"mirror_surge", "the mirror's drive has another strength", "factor",
+                             1.3, 0.1, 4},
     [FAULTS_PAN_STALL] = {"pan_stall", "the pan stands while the motor is stepped", NULL, 1, 1, 1},
-    [FAULTS_MISSED_STEPS] = {"missed_steps", "the pan motor loses steps", "steps", 4, -1000, 1000},
+    [FAULTS_MISSED_STEPS] = {"missed_steps", "the pan motor loses steps", "steps", 4, 1, 1000},
     [FAULTS_MODBUS_NOISE] = {"modbus_noise", "bytes on the controller's line are damaged",
                              "probability a byte", 0.01, 0, 1},
     [FAULTS_MODBUS_SILENCE] = {"modbus_silence", "the controller does not answer", NULL, 1, 1, 1},
@@ -34,6 +35,9 @@ static const struct faults_info infos[FAULTS_KINDS] = {
     [FAULTS_CLOCK_JUMP] = {"clock_jump", "the host's clock jumps", "s", 0.25, -3600, 3600},
     [FAULTS_DISK_FULL] = {"disk_full", "the site's disk takes no more", NULL, 1, 1, 1},
     [FAULTS_POWER_LOSS] = {"power_loss", "everything stops at once", NULL, 1, 1, 1},
+    [FAULTS_ESTOP] = {"estop", "the emergency stop is pressed and let go again", NULL, 1, 1, 1},
+    [FAULTS_INTERLOCK] = {"interlock", "the laser's interlock opens and closes again", NULL, 1, 1,
+                          1},
 };
 
 const struct faults_info *faults_info_of(enum faults_kind kind) {

@@ -32,6 +32,8 @@ enum faults_kind {
     FAULTS_CLOCK_JUMP,
     FAULTS_DISK_FULL,
     FAULTS_POWER_LOSS,
+    FAULTS_ESTOP,
+    FAULTS_INTERLOCK,
     FAULTS_KINDS
 };
 

@@ -88,7 +88,8 @@ static inline double material_fresnel(double f0, double cos_incidence) {
     return f0 + (1 - f0) * c2 * c2 * c;
 }
 
-/* The same for a rough surface, which does not become a mirror at grazing incidence (Lagarde 2011). */
+/* The same for a rough surface, which does not become a mirror at grazing incidence (Lagarde 2011).
+ */
 static inline double material_fresnel_rough(double f0, double roughness, double cos_incidence) {
     double c = 1 - (cos_incidence < 0 ? 0 : cos_incidence > 1 ? 1 : cos_incidence);
     double c2 = c * c, top = 1 - roughness > f0 ? 1 - roughness : f0;

@@ -3,6 +3,7 @@
 #include "base/edge_record.h"
 #include "site/stream.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -136,11 +137,25 @@ enum st twin_record_packet(struct twin_record *record, const struct cart_packet 
     return st;
 }
 
-enum st twin_record_index(struct twin_record *record, const struct idxevent *event,
+/* The record that the controller sent. */
+static struct idxevent wire_of(const struct index_event *event) {
+    bool positive = event->flags & INDEX_EVENT_PAN_POSITIVE;
+    double whole = positive ? floor(event->pan_steps) : ceil(event->pan_steps);
+    return (struct idxevent){.seq = (uint32_t)event->seq,
+                             .time_us = (uint64_t)(event->t_ns / 1000),
+                             .revolution = (uint32_t)event->revolution,
+                             .pan_steps = (int32_t)whole,
+                             .tilt_steps = event->tilt_steps,
+                             .pan_phase = (uint16_t)(fabs(event->pan_steps - whole) * 65536 + 0.5),
+                             .flags = (uint16_t)(event->kind | event->flags << 4)};
+}
+
+enum st twin_record_index(struct twin_record *record, const struct index_event *event,
                           int64_t t_host_ns, struct errctx *err) {
     uint16_t words[IDXEVENT_WORDS];
     uint8_t bytes[2 * IDXEVENT_WORDS];
-    idxevent_encode(event, words);
+    struct idxevent wire = wire_of(event);
+    idxevent_encode(&wire, words);
     for (int i = 0; i < IDXEVENT_WORDS; i++) { /* as on the controller's line: high byte first */
         bytes[2 * i] = (uint8_t)(words[i] >> 8);
         bytes[2 * i + 1] = (uint8_t)words[i];
@@ -150,7 +165,7 @@ enum st twin_record_index(struct twin_record *record, const struct idxevent *eve
 
 enum st twin_record_edge(struct twin_record *record, const struct cart_edge *edge,
                          struct errctx *err) {
-    struct edge_record e = {edge->t_host_ns, edge->seq, (uint8_t)edge->line, 1};
+    struct edge_record e = {edge->t_host_ns, edge->seq, (uint8_t)edge->line, edge->high};
     uint8_t bytes[EDGE_RECORD_BYTES];
     edge_record_encode(&e, bytes);
     return put(record, &record->gpio, bytes, sizeof bytes, edge->t_host_ns, err);

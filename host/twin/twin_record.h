@@ -2,6 +2,7 @@
 #ifndef SC_TWIN_TWIN_RECORD_H
 #define SC_TWIN_TWIN_RECORD_H
 
+#include "base/index_event.h"
 #include "site/site.h"
 #include "twin/cart.h"
 
@@ -28,10 +29,10 @@ struct twin_record {
 ST_MUST_CHECK enum st twin_record_open(struct twin_record *record, struct site *site,
                                        int64_t station_id, uint32_t interval_ns,
                                        struct errctx *err);
-/* Sinks for struct cart_sink. */
+/* What came from head, controller and lines. */
 enum st twin_record_packet(struct twin_record *record, const struct cart_packet *packet,
                            struct errctx *err);
-enum st twin_record_index(struct twin_record *record, const struct idxevent *event,
+enum st twin_record_index(struct twin_record *record, const struct index_event *event,
                           int64_t t_host_ns, struct errctx *err);
 enum st twin_record_edge(struct twin_record *record, const struct cart_edge *edge,
                          struct errctx *err);

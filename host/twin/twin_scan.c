@@ -9,6 +9,7 @@
 #include "site/frame_row.h"
 #include "site/station.h"
 #include "twin/camera_sim.h"
+#include "twin/twin_drive.h"
 #include "twin/twin_picture.h"
 #include "twin/twin_record.h"
 #include "twin/twin_truth.h"
@@ -32,13 +33,18 @@ struct run {
     struct site *site;
     struct twin_scan_stand *out;
     struct cart *cart;
+    struct twin_drive drive;
     struct twin_record record;
+    struct cart_edge strobe; /* the last one; seq + 1 of them came */
+    uint32_t strobes;
+    int64_t sweep_from_ns;
     struct twin_picture picture;
     struct image_u8 frame[MAX_FRAMES];
     size_t frames;
     FILE *samples; /* truth, one record a sample */
     int64_t station_id, calib_id;
     bool sweeping;
+    int64_t shown_ms; /* cart time that the progress bar has */
     double error_sum_m, error_sum2_m2, turns_from_rad, turns_to_rad;
     uint64_t errors;
 };
@@ -50,8 +56,7 @@ static double real(const struct twin_scan *scan, enum twin_config_key key) {
 /* ---- what the cart sends ---- */
 
 static bool fault_on(const struct run *r, enum faults_kind kind) {
-    const struct faults *f = r->scan->faults;
-    return f && faults_at(f, kind, cart_time_ns(r->cart), STEP_NS);
+    return cart_fault(r->cart, kind, STEP_NS) != NULL;
 }
 
 static enum st take_packet(void *ctx, const struct cart_packet *packet, struct errctx *err) {
@@ -63,15 +68,18 @@ static enum st take_packet(void *ctx, const struct cart_packet *packet, struct e
     return twin_record_packet(&r->record, packet, err);
 }
 
-static enum st take_index(void *ctx, const struct idxevent *event, int64_t t_host_ns,
-                          struct errctx *err) {
+static enum st take_event(void *ctx, const struct index_event *event, struct errctx *err) {
     struct run *r = ctx;
     r->out->index_events++;
-    return twin_record_index(&r->record, event, t_host_ns, err);
+    return twin_record_index(&r->record, event, cart_clock_ns(r->cart, TWIN_CLOCK_HOST), err);
 }
 
 static enum st take_edge(void *ctx, const struct cart_edge *edge, struct errctx *err) {
     struct run *r = ctx;
+    if (edge->line == CART_LINE_STROBE) {
+        r->strobe = *edge;
+        r->strobes++;
+    }
     return twin_record_edge(&r->record, edge, err);
 }
 
@@ -116,59 +124,40 @@ static enum st take_shot(void *ctx, const struct cart_shot *shot, struct errctx 
 
 /* ---- driving the cart ---- */
 
-static enum st wait(struct run *r, double seconds, struct errctx *err) {
-    int64_t end_ns = cart_time_ns(r->cart) + (int64_t)(seconds * 1e9);
-    while (cart_time_ns(r->cart) < end_ns) {
-        int64_t next_ns = cart_time_ns(r->cart) + STEP_NS;
-        enum st st = cart_advance(r->cart, next_ns < end_ns ? next_ns : end_ns, err);
-        if (st)
-            return st;
-        progress_add(r->scan->progress, STEP_NS / 1000000);
-        r->record.disk_full = r->record.disk_full || fault_on(r, FAULTS_DISK_FULL);
-    }
+static enum st time_passed(void *ctx, int64_t now_ns, struct errctx *err) {
+    (void)err;
+    struct run *r = ctx;
+    progress_add(r->scan->progress, now_ns / 1000000 - r->shown_ms);
+    r->shown_ms = now_ns / 1000000;
+    r->record.disk_full = r->record.disk_full || fault_on(r, FAULTS_DISK_FULL);
     return ST_OK;
 }
 
-/* Motor steps for a pan angle: the crew commands by the nominal figure. */
-static double steps_of(const struct twin_scan *scan, double pan_deg) {
-    return pan_deg / 360 * scan->config->value[TWIN_CONFIG_PAN_STEPS].nominal;
+static void note_sweeping(void *ctx, bool on) {
+    struct run *r = ctx;
+    int64_t now_ns = cart_time_ns(r->cart);
+    if (on)
+        r->sweep_from_ns = now_ns;
+    else
+        r->out->sweep_s += (double)(now_ns - r->sweep_from_ns) * 1e-9;
+    r->sweeping = on;
 }
 
-static enum st go(struct run *r, double pan_deg, struct errctx *err) {
-    double rate = steps_of(r->scan, real(r->scan, TWIN_CONFIG_PAN_SLEW));
-    cart_pan(r->cart, floor(steps_of(r->scan, pan_deg) + 0.5), rate, false);
-    enum st st = wait(r, 0.05, err);
-    while (!st && !cart_at_rest(r->cart))
-        st = wait(r, 0.05, err);
-    return st;
+/* Motor steps for an angle: the crew commands by the nominal figure. */
+static int32_t steps_of(const struct twin_scan *scan, enum twin_config_key turn, double deg) {
+    return (int32_t)floor(deg / 360 * scan->config->value[turn].nominal + 0.5);
 }
 
 static enum st sweep(struct run *r, struct errctx *err) {
     const struct twin_scan *scan = r->scan;
     double from = real(scan, TWIN_CONFIG_PAN_FROM), to = real(scan, TWIN_CONFIG_PAN_TO);
-    double hz = real(scan, TWIN_CONFIG_MIRROR_HZ);
-    double rate = real(scan, TWIN_CONFIG_PAN_PER_REV) * hz;
-    enum st st =
-        go(r, from - run_up_deg - 2, err); /* so that the start is met in positive direction */
-    if (!st)
-        st = go(r, from - run_up_deg, err);
-    cart_mirror(r->cart, hz);
-    if (!st)
-        st = wait(r, 5 * real(scan, TWIN_CONFIG_MIRROR_SPIN_UP) + 2 / hz, err);
-    if (st)
-        return st;
-    cart_laser(r->cart, true);
-    r->sweeping = true;
-    int64_t start_ns = cart_time_ns(r->cart);
-    cart_pan(r->cart, floor(steps_of(scan, to + run_up_deg) + 0.5), rate, true);
-    st = wait(r, 0.25, err);
-    while (!st && !cart_at_rest(r->cart))
-        st = wait(r, 0.25, err);
-    r->sweeping = false;
-    r->out->sweep_s = (double)(cart_time_ns(r->cart) - start_ns) * 1e-9;
-    cart_laser(r->cart, false);
-    cart_mirror(r->cart, 0);
-    return st ? st : wait(r, 1.0, err);
+    double way = to >= from ? 1 : -1;
+    struct motor_scan program = {
+        .from_steps = steps_of(scan, TWIN_CONFIG_PAN_STEPS, from - way * run_up_deg),
+        .to_steps = steps_of(scan, TWIN_CONFIG_PAN_STEPS, to + way * run_up_deg),
+        .rate = real(scan, TWIN_CONFIG_PAN_PER_REV) * real(scan, TWIN_CONFIG_MIRROR_HZ)};
+    int32_t overlap = steps_of(scan, TWIN_CONFIG_PAN_STEPS, run_up_deg);
+    return twin_drive_sweep(&r->drive, &program, overlap, err);
 }
 
 /* ---- photographs ---- */
@@ -184,24 +173,16 @@ static int64_t frame_weight_ms(const struct twin_scan *scan) {
                      real(scan, TWIN_CONFIG_CAMERA_SAMPLES) * 0.03);
 }
 
+/* What the camera saw at the strobe. */
 static enum st expose(struct run *r, double factor, uint64_t number, struct image_u8 *out_frame,
                       struct errctx *err) {
     const struct twin_scan *scan = r->scan;
-    struct rig_camera real_camera = twin_config_camera(scan->config, true);
-    struct mechanics_state s = cart_state(r->cart);
-    struct pose station_from_cam = rig_camera_pose(&real_camera, s.tilt_rad, s.pan_rad);
-    struct pose world_from_cam = pose_compose(&r->out->true_pose, &station_from_cam);
-    struct camera_sim sim = camera_sim_at(&real_camera.camera, &world_from_cam);
-    const struct fault *light =
-        scan->faults ? faults_at(scan->faults, FAULTS_LIGHT_CHANGE, cart_time_ns(r->cart), STEP_NS)
-                     : NULL;
-    sim.rays = (int)(real(scan, TWIN_CONFIG_CAMERA_SAMPLES) + 0.5);
+    const struct fault *light = cart_fault(r->cart, FAULTS_LIGHT_CHANGE, STEP_NS);
+    uint64_t seed = scan->seed * 1000003u + (uint64_t)r->station_id * 4099u + number;
+    struct camera_sim sim = camera_sim_on_cart(
+        scan->config, &r->out->true_pose, r->strobe.state.pan_rad, r->strobe.state.tilt_rad, seed);
     sim.exposure = factor;
     sim.light = light ? light->value : 1;
-    sim.vignetting = real(scan, TWIN_CONFIG_CAMERA_VIGNETTE);
-    sim.noise = real(scan, TWIN_CONFIG_CAMERA_NOISE);
-    sim.full_well = sim.noise > 0 ? real(scan, TWIN_CONFIG_CAMERA_WELL) : 0;
-    sim.seed = scan->seed * 1000003u + (uint64_t)r->station_id * 4099u + number;
     return camera_sim_render(scan->scene, &sim, out_frame, err);
 }
 
@@ -218,9 +199,8 @@ static enum st keep_frame(struct run *r, const struct image_u8 *frame, double fa
     free(jpeg);
     if (st)
         return st;
-    struct mechanics_state s = cart_state(r->cart);
     row.station_id = r->station_id;
-    row.t_ns = cart_clock_ns(r->cart, TWIN_CLOCK_HOST);
+    row.t_ns = r->strobe.t_host_ns;
     row.width_px = frame->width_px;
     row.height_px = frame->height_px;
     row.exposure_s = exposure_s * factor;
@@ -228,46 +208,48 @@ static enum st keep_frame(struct run *r, const struct image_u8 *frame, double fa
     row.pan_rad = pan_deg * pi / 180;
     row.tilt_rad = real(r->scan, TWIN_CONFIG_CAMERA_TILT) * pi / 180;
     row.camera_calib_id = r->calib_id;
-    (void)snprintf(row.meta, sizeof row.meta, "{\"pan_steps\": %.0f, \"tilt_steps\": %.0f}",
-                   s.pan_motor_steps, s.tilt_motor_steps);
+    (void)snprintf(row.meta, sizeof row.meta, "{\"pan_steps\": %d, \"tilt_steps\": %d}",
+                   (int)r->drive.status.axis[MOTOR_PAN].steps,
+                   (int)r->drive.status.axis[MOTOR_TILT].steps);
     int64_t id = 0;
     return frame_row_add(r->site, &row, &id, err);
 }
 
-static enum st photograph(struct run *r, struct errctx *err) {
+/* One photograph at a position. *late: factor of the exposure that is set only for the next one. */
+static enum st photograph_at(struct run *r, double pan_deg, int number, double *late,
+                             struct errctx *err) {
     const struct twin_scan *scan = r->scan;
-    int count = frame_count(scan);
+    double tilt_deg = real(scan, TWIN_CONFIG_CAMERA_TILT), factor = *late;
+    uint32_t strobes = r->strobes;
+    enum st st = twin_drive_move(&r->drive, steps_of(scan, TWIN_CONFIG_PAN_STEPS, pan_deg),
+                                 steps_of(scan, TWIN_CONFIG_TILT_STEPS, tilt_deg), err);
+    if (!st)
+        st = twin_drive_wait(&r->drive, settle_s, err);
+    if (!st)
+        st = twin_drive_trigger(&r->drive, err);
+    if (st || r->strobes == strobes || fault_on(r, FAULTS_FRAME_DROPPED))
+        return st;
+    const struct fault *f = cart_fault(r->cart, FAULTS_EXPOSURE_LATE, STEP_NS);
+    *late = f ? f->value : 1;
+    struct image_u8 frame = {.px = NULL};
+    st = expose(r, factor, (uint64_t)number, &frame, err);
+    if (!st)
+        st = keep_frame(r, &frame, factor, pan_deg, err);
+    if (!st && scan->pictures_dir)
+        r->frame[r->frames++] = frame;
+    else
+        image_u8_destroy(&frame);
+    r->out->frames += !st;
+    progress_add(scan->progress, frame_weight_ms(scan));
+    return st;
+}
+
+static enum st photograph(struct run *r, struct errctx *err) {
+    int count = frame_count(r->scan);
     double late = 1;
-    double tilt = real(scan, TWIN_CONFIG_CAMERA_TILT) / 360 *
-                  scan->config->value[TWIN_CONFIG_TILT_STEPS].nominal;
-    cart_tilt(r->cart, floor(tilt + 0.5), 4000);
-    enum st st = go(r, -180 - 0.5, err); /* every position is met in positive direction */
-    for (int i = 0; i < count && !st; i++) {
-        double pan_deg = -180 + 360.0 * (i + 0.5) / count;
-        st = go(r, pan_deg, err);
-        if (!st)
-            st = wait(r, settle_s, err);
-        if (st || fault_on(r, FAULTS_FRAME_DROPPED))
-            continue;
-        double factor = late;
-        const struct fault *f = scan->faults ? faults_at(scan->faults, FAULTS_EXPOSURE_LATE,
-                                                         cart_time_ns(r->cart), STEP_NS)
-                                             : NULL;
-        late = f ? f->value : 1;
-        struct image_u8 frame = {.px = NULL};
-        st = expose(r, factor, (uint64_t)i, &frame, err);
-        if (!st)
-            st = cart_strobe(r->cart, err);
-        if (!st)
-            st = keep_frame(r, &frame, factor, pan_deg, err);
-        if (!st && r->scan->pictures_dir) {
-            r->frame[r->frames++] = frame;
-        } else {
-            image_u8_destroy(&frame);
-        }
-        r->out->frames += !st;
-        progress_add(scan->progress, frame_weight_ms(scan));
-    }
+    enum st st = ST_OK;
+    for (int i = 0; i < count && !st; i++)
+        st = photograph_at(r, -180 + 360.0 * (i + 0.5) / count, i, &late, err);
     return st;
 }
 
@@ -409,13 +391,21 @@ static enum st work(struct run *r, const struct scene_stand *stand, size_t numbe
     if (!st && scan->pictures_dir &&
         twin_picture_create(&r->picture, 2880, -50 * pi / 180, 90 * pi / 180))
         st = errctx_set(err, ST_NOMEM, "pictures: out of memory");
-    struct cart_sink sink = {r, take_packet, take_index, take_edge, take_shot};
+    struct cart_sink sink = {r, take_packet, NULL, take_edge, take_shot};
     struct twin_config config = *scan->config;
     /* One host for all stands: its clock goes on. */
     config.value[TWIN_CONFIG_HOST_OFFSET].real += 3600.0 * (double)number;
     if (!st)
         st = cart_create(scan->scene, &config, scan->faults, &r->out->true_pose,
                          scan->seed * 7919u + number, &sink, &r->cart, err);
+    r->drive = (struct twin_drive){.cart = r->cart,
+                                   .mirror_rps = real(scan, TWIN_CONFIG_MIRROR_HZ),
+                                   .ctx = r,
+                                   .event = take_event,
+                                   .passed = time_passed,
+                                   .sweeping = note_sweeping};
+    if (!st)
+        st = twin_drive_open(&r->drive, err);
     if (!st)
         st = sweep(r, err);
     if (!st && scan->frames)
@@ -447,6 +437,7 @@ static enum st run_stand(const struct twin_scan *scan, struct site *site, size_t
     enum st st = work(r, stand, number, err);
     if (r->samples && fclose(r->samples) && !st)
         st = errctx_set(err, ST_IO, "cannot write the truth of the samples: %s", strerror(errno));
+    twin_drive_close(&r->drive);
     cart_destroy(r->cart);
     twin_record_fini(&r->record);
     twin_picture_destroy(&r->picture);

@@ -67,7 +67,9 @@ static bool sensible(const struct sim_config *c) {
     }
     return c->mirror_gain_rps > 0 && c->mirror_tau_s > 0.001 && c->mirror_jitter >= 0 &&
            c->encoder_counts > 0 && c->baud > 0 && c->poll_us > 0 && c->camera_delay_s >= 0 &&
-           c->camera_jitter_s >= 0 && isfinite(c->temperature_c) && isfinite(c->mirror_start_rev);
+           c->camera_jitter_s >= 0 && isfinite(c->temperature_c) && isfinite(c->mirror_start_rev) &&
+           c->mirror_ripple >= 0 && c->mirror_ripple < 0.9 &&
+           isfinite(c->mirror_ripple_phase_rad) && c->capture_jitter_us >= 0;
 }
 
 /* Interrupt and reset state of the controller; the plant stays as it is. */
@@ -151,6 +153,25 @@ struct sim_truth sim_truth(const struct sim *sim) {
     return truth;
 }
 
+struct sim_step sim_step(const struct sim *sim, enum hal_axis id) {
+    const struct axis *axis = &sim->firmware.axis[id];
+    double ahead_us = (double)sim->boot_us - (double)sim->config.clock_start;
+    return (struct sim_step){.pending = axis->ramp.pending,
+                             .positive = axis->positive,
+                             .since_us = (double)axis->last_step_us + ahead_us,
+                             .due_us = (double)ramp_due_us(&axis->ramp) + ahead_us,
+                             .counted = axis->position};
+}
+
+static const double two_pi = 6.28318530717958647693;
+
+double sim_ripple(const struct sim_config *config, double rev) {
+    if (config->mirror_ripple == 0)
+        return rev;
+    double angle = two_pi * (rev - floor(rev)) + config->mirror_ripple_phase_rad;
+    return rev + config->mirror_ripple / two_pi * sin(angle);
+}
+
 double sim_mirror_rev_at(const struct sim *sim, double t_us) {
     return simplant_rev(sim, t_us);
 }
@@ -201,7 +222,9 @@ static uint64_t source_time(const struct sim *sim, enum source source) {
 }
 
 /* Captures by hardware: the counter's value at the edge, whole microseconds. */
-static uint32_t capture(const struct sim *sim, double exact_us) {
+static uint32_t capture(struct sim *sim, double exact_us) {
+    if (sim->config.capture_jitter_us > 0)
+        exact_us += sim->config.capture_jitter_us * simstate_normal(sim);
     return (uint32_t)((uint64_t)floor(exact_us) - sim->boot_us + sim->config.clock_start);
 }
 
@@ -231,6 +254,8 @@ static void run_index(struct sim *sim) {
             return;
         }
     }
+    if (sim->observer && sim->observer->pulse)
+        sim->observer->pulse(sim->observer_ctx, exact_us);
     firmware_isr_index(capture(sim, exact_us), simplant_encoder(sim, exact_us));
     if (extra)
         simplant_cut(sim); /* the true edge may still be ahead */

@@ -39,6 +39,9 @@ struct sim_config {
     double
         mirror_jitter; /* sigma of random acceleration, rev/s per square root of a second; 0 none */
     double mirror_start_rev; /* angle at power-up, 0 to 1; the index lies at 0 */
+    /* Unevenness within a turn: the speed is 1 + ripple cos(angle + phase) times the smooth one. */
+    double mirror_ripple, mirror_ripple_phase_rad;
+    double capture_jitter_us; /* sigma of the hardware's captures of index and strobe */
     uint16_t encoder_counts;
     double camera_delay_s;  /* trigger to strobe */
     double camera_jitter_s; /* uniform, added to it */
@@ -187,18 +190,34 @@ struct sim_truth sim_truth(const struct sim *sim);
  * advances; exact. */
 double sim_mirror_rev_at(const struct sim *sim, double t_us);
 
+/* The step that is about to be given. A finely stepped motor is on its way to it from since_us to
+ * due_us. During an observer's step() it is the one that is being given, `counted` not yet changed.
+ */
+struct sim_step {
+    bool pending;            /* false: none, the axis stands */
+    bool positive;           /* its direction, or the last one's */
+    double since_us, due_us; /* virtual time */
+    int32_t counted;         /* position as the controller counts */
+};
+struct sim_step sim_step(const struct sim *sim, enum hal_axis axis);
+
+/* Where the mirror stands if it has turned `smooth_rev` smoothly: with the ripple. */
+double sim_ripple(const struct sim_config *config, double smooth_rev);
+
 /* Told of what happens, in order of time. Any member may be NULL. They must not call sim_ functions
- * other than sim_truth and sim_now_us. Times in us of virtual time; `exact_us` is the plant's time
- * before quantisation. */
+ * other than sim_truth, sim_step and sim_now_us. Times in us of virtual time; `exact_us` is the
+ * plant's time before quantisation. */
 struct sim_observer {
     void (*step)(void *ctx, uint64_t t_us, enum hal_axis axis, bool positive);
     void (*laser)(void *ctx, uint64_t t_us, bool on);
     void (*motors)(void *ctx, uint64_t t_us, bool on);
     void (*index)(void *ctx, double exact_us, uint64_t turn);
+    /* an index pulse on the wires: without those that a fault takes away, with spurious ones */
+    void (*pulse)(void *ctx, double exact_us);
     void (*trigger)(void *ctx, uint64_t t_us);
     void (*strobe)(void *ctx, double exact_us);
     /* every 500 us: from t0_us to t1_us the mirror turned as rev0 + rps0 t + acceleration / 2 t^2,
-     * t in s */
+     * t in s (smoothly: the ripple is added by sim_ripple) */
     void (*mirror)(void *ctx, uint64_t t0_us, uint64_t t1_us, double rev0, double rps0,
                    double acceleration);
     void (*fault)(void *ctx, uint64_t t_us, enum sim_fault fault, double value);

@@ -6,15 +6,31 @@
 /* The mirror's motion is exact over one plant step; its torque changes between steps. */
 #define PLANT_STEP_US 500u
 
-double simplant_rev(const struct sim *sim, double t_us) {
+static const double two_pi = 6.28318530717958647693;
+
+/* The mirror without its ripple. */
+static double smooth_rev(const struct sim *sim, double t_us) {
     const struct simplant_segment *seg = &sim->mirror;
     double s = (t_us - seg->t0_us) * 1e-6;
     return seg->rev0 + s * (seg->rps0 + 0.5 * seg->acceleration * s);
 }
 
-double simplant_rps(const struct sim *sim, double t_us) {
+static double smooth_rps(const struct sim *sim, double t_us) {
     const struct simplant_segment *seg = &sim->mirror;
     return seg->rps0 + (t_us - seg->t0_us) * 1e-6 * seg->acceleration;
+}
+
+double simplant_rev(const struct sim *sim, double t_us) {
+    return sim_ripple(&sim->config, smooth_rev(sim, t_us));
+}
+
+double simplant_rps(const struct sim *sim, double t_us) {
+    double rps = smooth_rps(sim, t_us);
+    if (sim->config.mirror_ripple == 0)
+        return rps;
+    double rev = smooth_rev(sim, t_us);
+    double angle = two_pi * (rev - floor(rev)) + sim->config.mirror_ripple_phase_rad;
+    return rps * (1 + sim->config.mirror_ripple * cos(angle));
 }
 
 uint16_t simplant_encoder(const struct sim *sim, double t_us) {
@@ -68,12 +84,12 @@ static void new_segment(struct sim *sim, double rev, double rps) {
 void simplant_step(struct sim *sim) {
     double end_us = (double)sim->next_plant;
     sim->next_plant += PLANT_STEP_US;
-    new_segment(sim, simplant_rev(sim, end_us), fmax(simplant_rps(sim, end_us), 0));
+    new_segment(sim, smooth_rev(sim, end_us), fmax(smooth_rps(sim, end_us), 0));
 }
 
 void simplant_cut(struct sim *sim) {
     double now_us = (double)sim->now_us;
-    new_segment(sim, simplant_rev(sim, now_us), fmax(simplant_rps(sim, now_us), 0));
+    new_segment(sim, smooth_rev(sim, now_us), fmax(smooth_rps(sim, now_us), 0));
 }
 
 void simplant_init(struct sim *sim) {
