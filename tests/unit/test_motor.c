@@ -225,8 +225,13 @@ static void false_close(void *ctx) {
 }
 
 static struct motor *on_false_line(struct false_line *line) {
-    struct motor_line calls = {line,       false_read,       false_discrete, false_write,
-                               false_coil, false_write_read, false_close};
+    struct motor_line calls = {.ctx = line,
+                               .read = false_read,
+                               .read_discrete = false_discrete,
+                               .write = false_write,
+                               .write_coil = false_coil,
+                               .write_read = false_write_read,
+                               .close = false_close};
     struct motor *motor = NULL;
     assert_int_equal(motor_map_open(&calls, 1, &motor, NULL), ST_OK);
     return motor;
