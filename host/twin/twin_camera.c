@@ -33,13 +33,13 @@ void twin_camera_strobe(struct twin_devices *twin, const struct cart_edge *edge)
     int slot = twin_world_put(&c->queue, TWIN_WORLD_EXPOSURES);
     if (slot < 0)
         return;
-    c->exposure[slot] = (struct twin_world_exposure){
-        .t_host_ns = twin_world_host_ns(twin, edge->t_host_ns),
-        .seq = seq,
-        .pan_rad = edge->state.pan_rad,
-        .tilt_rad = edge->state.tilt_rad,
-        .light = value_of(twin, FAULTS_LIGHT_CHANGE, 1),
-        .factor = factor};
+    c->exposure[slot] =
+        (struct twin_world_exposure){.t_host_ns = twin_world_host_ns(twin, edge->t_host_ns),
+                                     .seq = seq,
+                                     .pan_rad = edge->state.pan_rad,
+                                     .tilt_rad = edge->state.tilt_rad,
+                                     .light = value_of(twin, FAULTS_LIGHT_CHANGE, 1),
+                                     .factor = factor};
 }
 
 static enum st identify(struct camera_device *camera, struct camera_device_identity *out_identity,
@@ -91,9 +91,8 @@ static enum st develop(struct twin_world_camera *c, const struct twin_world_expo
                        struct camera_frame *out_frame, struct errctx *err) {
     const struct twin_devices *twin = c->twin;
     double factor = e->factor * c->settings.exposure_s / base_exposure_s * c->settings.gain;
-    struct camera_sim sim =
-        camera_sim_on_cart(&twin->config, &twin->world_from_station, e->pan_rad, e->tilt_rad,
-                           twin->seed * 1000003u + e->seq);
+    struct camera_sim sim = camera_sim_on_cart(&twin->config, &twin->world_from_station, e->pan_rad,
+                                               e->tilt_rad, twin->seed * 1000003u + e->seq);
     sim.exposure = factor;
     sim.light = e->light;
     struct image_u8 image = {.px = NULL};

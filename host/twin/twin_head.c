@@ -47,8 +47,7 @@ void twin_head_packet(struct twin_devices *twin, const struct cart_packet *packe
         end_transfer(h);
 }
 
-static enum st identify(struct head *head, struct head_identity *out_identity,
-                        struct errctx *err) {
+static enum st identify(struct head *head, struct head_identity *out_identity, struct errctx *err) {
     struct twin_devices *twin = head_of(head)->twin;
     enum st st = twin_world_enter(twin, err);
     if (st)

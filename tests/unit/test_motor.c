@@ -1,7 +1,7 @@
 /* The motor ops against the real firmware on its simulated port, in virtual time, and against lines
  * that misbehave. */
-#include "device/motor_sim.h"
 #include "device/motor_map.h"
+#include "device/motor_sim.h"
 #include "firmware/port/sim/sim.h"
 #include "firmware/shared/faultcode.h"
 #include "firmware/shared/idxevent.h"
