@@ -2,6 +2,7 @@
 #ifndef SC_APP_COMMANDS_H
 #define SC_APP_COMMANDS_H
 
+int cmd_capture(int argc, const char **argv);
 int cmd_check(int argc, const char **argv);
 int cmd_cull(int argc, const char **argv);
 int cmd_fuse(int argc, const char **argv);

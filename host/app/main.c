@@ -9,6 +9,7 @@
 static const struct app_command commands[] = {
     {"new", "make an empty site", cmd_new},
     {"import", "take in photographs with depth, and laser scans", cmd_import},
+    {"capture", "scan a station with the cart, or its twin", cmd_capture},
     {"panorama", "picture of a scan as seen from its stand", cmd_panorama},
     {"fuse", "make 3D photographs and tiles of what was scanned", cmd_fuse},
     {"cull", "pack the tiles again, leaving out more or less", cmd_cull},

@@ -255,11 +255,16 @@ static void home(struct drive *d) {
 static void tilt(struct drive *d) {
     struct errctx err = {0};
     const struct scan_plan *plan = d->config.plan;
+    const int32_t run_up_steps = 60; /* so that the laser's way to the start is short */
+    double near = fmax(plan->pan_from_steps - run_up_steps, -plan->pan_steps_per_turn / 2);
     if (d->step == 0)
         (void)command(d, ops(d)->move(motor(d), MOTOR_TILT, plan->tilt_steps, &err), &err);
     else if (d->step == 1)
+        (void)command(d, ops(d)->move(motor(d), MOTOR_PAN, (int32_t)near, &err), &err);
+    else if (d->step == 2)
         (void)command(d, ops(d)->mirror(motor(d), plan->mirror_hz, &err), &err);
-    else if (d->has_status && at_rest(&d->status.axis[MOTOR_TILT]))
+    else if (d->has_status && at_rest(&d->status.axis[MOTOR_TILT]) &&
+             at_rest(&d->status.axis[MOTOR_PAN]))
         enter(d, DRIVE_SPIN);
 }
 
@@ -279,6 +284,9 @@ static void approach(struct drive *d) {
     struct errctx err = {0};
     const struct scan_plan *plan = d->config.plan;
     struct motor_scan scan = {plan->pan_from_steps, plan->pan_to_steps, scan_plan_rate(plan), 0};
+    d->head_wanted = true;
+    if (!d->head_on) /* it listens before there is something to be heard */
+        return;
     if (d->step == 0)
         (void)command(d, ops(d)->laser(motor(d), true, &err), &err);
     else if (d->step == 1)
@@ -335,8 +343,10 @@ static void dark(struct drive *d) {
         (void)command(d, ops(d)->scan_run(motor(d), false, &err), &err);
     else if (d->step == 2)
         (void)command(d, ops(d)->mirror(motor(d), 0, &err), &err);
-    else if (good_for(d, d->has_status, NS_A_S))
+    else if (good_for(d, d->has_status, NS_A_S)) {
+        d->head_wanted = false;
         enter(d, DRIVE_AIM);
+    }
 }
 
 /* ---- photographs ---- */

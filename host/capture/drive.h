@@ -63,6 +63,8 @@ struct drive {
     bool clock_known;
     int32_t home_axis; /* being homed, or -1 */
     /* the head, as the recorder counts it */
+    bool head_wanted; /* it should be listened to; the session sees to it, and sets */
+    bool head_on;
     uint64_t head_packets;
     int64_t head_heard_ns;
     /* photographs */

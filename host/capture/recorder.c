@@ -528,9 +528,8 @@ static enum st add_stream(struct recorder *r, struct tape *tape, const char *kin
     (void)snprintf(stream.kind, sizeof stream.kind, "%s", kind);
     (void)snprintf(stream.name, sizeof stream.name, "%s", r->config.device);
     (void)snprintf(stream.format, sizeof stream.format, "%s", format);
-    if (!strcmp(kind, "head") && r->config.interval_ns)
-        (void)snprintf(stream.meta, sizeof stream.meta, "{\"interval_ns\": %u}",
-                       (unsigned)r->config.interval_ns);
+    if (!strcmp(kind, "head") && r->config.head_meta)
+        (void)snprintf(stream.meta, sizeof stream.meta, "%s", r->config.head_meta);
     return tape_open(tape, r->config.site, &stream, capacity, err);
 }
 

@@ -33,7 +33,7 @@ struct recorder_config {
     struct site *site;
     int64_t station_id;
     const char *device;      /* name of the streams: "twin", "rpi5"; a resumed scan has ".2", ... */
-    uint32_t interval_ns;    /* of the head's samples, 0: not known */
+    const char *head_meta;   /* JSON of the head stream; NULL: none */
     double head_bytes_per_s; /* expected */
     struct source_head *head;
     struct source_lines *lines;   /* NULL: none */

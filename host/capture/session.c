@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/head_packet.h"
 #include "capture/realtime.h"
+#include "capture/scan_plan_json.h"
 #include "capture/source.h"
 
 #include <errno.h>
@@ -21,6 +22,7 @@ enum {
     VIRTUAL_STEP_MS = 20,
     PLAN_STEP_MS = 20,
     RECORDER_STEP_MS = 5,
+    IDLE_MS = 10,
     PUMP_MS = 50, /* a source's thread looks at the end of the scan that often */
     REPORT_MS = 1000,
     DISK_PATIENCE_S = 3, /* a disk that refuses batches for longer ends the scan */
@@ -45,8 +47,9 @@ struct session {
     double sample_hz;
     int64_t start_ns;
     uint64_t refused_seen;
-    bool head_started;
+    bool head_started; /* the head's thread, or after it has ended */
     /* any thread */
+    atomic_bool head_wanted, head_on;
     atomic_int stop_asked; /* by session_stop() */
     atomic_bool ended;     /* the plan is over: sources and recorder finish */
     atomic_int head_failed, lines_failed, disk_failed; /* enum st */
@@ -133,10 +136,15 @@ static enum st prepare(struct session *s, struct errctx *err) {
         st = source_lines_init(&s->lines, EDGES, err);
     if (st)
         return st;
+    char plan[SITE_TEXT_MAX - 64], meta[SITE_TEXT_MAX];
+    if (scan_plan_json_write(s->config.whole_plan ? s->config.whole_plan : &s->plan, plan,
+                             sizeof plan))
+        return errctx_set(err, ST_INVALID, "the plan is too long to be kept");
+    (void)snprintf(meta, sizeof meta, "{\"interval_ns\": %u, \"plan\": %s}", interval_ns, plan);
     struct recorder_config record = {.site = s->config.site,
                                      .station_id = s->config.station_id,
                                      .device = s->config.device,
-                                     .interval_ns = interval_ns,
+                                     .head_meta = meta,
                                      .head_bytes_per_s = bytes_per_s,
                                      .head = &s->head,
                                      .lines = s->config.devices->lines ? &s->lines : NULL,
@@ -236,7 +244,9 @@ static void hear(struct session *s) {
 
 static void plan_step(struct session *s, int64_t now_ns) {
     hear(s);
+    s->drive.head_on = atomic_load(&s->head_on);
     drive_step(&s->drive, now_ns);
+    atomic_store(&s->head_wanted, s->drive.head_wanted);
     make_status(s, now_ns);
 }
 
@@ -263,10 +273,22 @@ static void record_step(struct session *s, int64_t now_ns) {
         fail(&s->disk_failed, &s->disk_err, st, &err, NULL);
 }
 
+/* Starts and stops the head as the plan wants it: a head that sends while the laser is off would
+ * only fill the disk. Between the two this is the real-time path. */
 static void pump_head(struct session *s, unsigned timeout_ms) {
     struct head *head = s->config.devices->head;
     struct errctx err = {0};
-    enum st st = head->ops->pump(head, timeout_ms, &s->head.sink, &err);
+    bool wanted = atomic_load(&s->head_wanted);
+    enum st st = ST_OK;
+    if (wanted && s->head_started)
+        st = head->ops->pump(head, timeout_ms, &s->head.sink, &err);
+    else if (wanted)
+        s->head_started = !(st = head->ops->start(head, &err));
+    else if (s->head_started)
+        s->head_started = (st = head->ops->stop(head, &s->head.sink, &err)) != ST_OK;
+    else if (timeout_ms)
+        (void)hosttime_wait_until(&hosttime_real, clock_now_ns() + MS(IDLE_MS), &err);
+    atomic_store(&s->head_on, s->head_started);
     if (st && st != ST_TIMEOUT)
         fail(&s->head_failed, &s->head_err, st, &err,
              st == ST_CANCELLED ? NULL : "rangefinder head");
@@ -322,11 +344,7 @@ static enum st start_devices(struct session *s, struct errctx *err) {
     enum st st = ST_OK;
     if (d->camera && scan_plan_photos(&s->plan))
         st = d->camera->ops->start(d->camera, err);
-    if (st)
-        return errctx_prefix(err, st, "camera");
-    st = d->head->ops->start(d->head, err);
-    s->head_started = !st;
-    return st ? errctx_prefix(err, st, "rangefinder head") : ST_OK;
+    return st ? errctx_prefix(err, st, "camera") : ST_OK;
 }
 
 static void stop_devices(struct session *s) {

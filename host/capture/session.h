@@ -43,6 +43,7 @@ struct session_status {
 struct session_config {
     const struct cart_devices *devices;
     const struct scan_plan *plan;
+    const struct scan_plan *whole_plan; /* resumed: what was meant at first; NULL: plan */
     struct site *site;
     int64_t station_id;
     const char *device;       /* name of the streams */

@@ -1,0 +1,220 @@
+#include "capture/resume.h"
+
+#include "capture/scan_plan_json.h"
+#include "firmware/shared/idxevent.h"
+#include "site/frame_row.h"
+#include "site/stream.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { PAGE = 16, EVENT_BYTES = 2 * IDXEVENT_WORDS };
+
+static const double overlap_turns = 2;   /* the rest begins that much before the first gap */
+static const double end_turns = 1.75;    /* what may be missing at either end, see below */
+static const uint32_t missed_pulses = 2; /* between two events that belong together */
+static const int64_t late_ns = 5000000;  /* an event may be that much behind the last packet */
+
+bool resume_add_span(struct resume_span *spans, size_t *count, size_t capacity,
+                     struct resume_span span, double near) {
+    size_t at = 0, end;
+    while (at < *count && spans[at].to_steps + near < span.from_steps)
+        at++;
+    for (end = at; end < *count && spans[end].from_steps <= span.to_steps + near; end++) {
+        span.from_steps = fmin(span.from_steps, spans[end].from_steps);
+        span.to_steps = fmax(span.to_steps, spans[end].to_steps);
+    }
+    if (at == end && *count == capacity)
+        return false;
+    memmove(&spans[at + 1], &spans[end], (*count - end) * sizeof *spans);
+    spans[at] = span;
+    *count = *count - (end - at) + 1;
+    return true;
+}
+
+void resume_next_device(const struct resume *resume, char out_name[SITE_NAME_MAX]) {
+    if (resume->sessions)
+        (void)snprintf(out_name, SITE_NAME_MAX, "%.50s.%u", resume->device, resume->sessions + 1);
+}
+
+static double pan_of(const struct idxevent *e) {
+    double part = e->pan_phase / 65536.0;
+    return e->pan_steps + (e->flags & IDXEVENT_PAN_POSITIVE ? part : -part);
+}
+
+static struct idxevent event_at(const uint8_t *bytes) {
+    uint16_t words[IDXEVENT_WORDS];
+    for (int i = 0; i < IDXEVENT_WORDS; i++)
+        words[i] = (uint16_t)(bytes[2 * i] << 8 | bytes[2 * i + 1]);
+    return idxevent_decode(words);
+}
+
+/* Spans between the events of one session, none later than the head's last packet. */
+static enum st cover(struct site *site, const struct stream *index, int64_t head_end_ns,
+                     struct resume *r, struct errctx *err) {
+    struct stream_reader *reader = NULL;
+    struct stream_chunk chunk;
+    struct idxevent before = {0};
+    double most = (missed_pulses + 1.5) * r->plan.steps_per_revolution;
+    enum st st = stream_reader_open(site, index->id, 0, &reader, err);
+    while (!st) {
+        st = stream_reader_next(reader, &chunk, err);
+        size_t count = st ? 0 : chunk.size_bytes / EVENT_BYTES;
+        const uint8_t *bytes = st ? NULL : chunk.payload;
+        uint64_t last_us = count ? event_at(bytes + (count - 1) * EVENT_BYTES).time_us : 0;
+        for (size_t i = 0; i < count; i++) {
+            struct idxevent e = event_at(bytes + i * EVENT_BYTES);
+            int64_t t_ns = chunk.t_last_ns - (int64_t)(last_us - e.time_us) * 1000;
+            bool good = (e.flags & IDXEVENT_KIND) == IDXEVENT_INDEX && (e.flags & IDXEVENT_SWEEP) &&
+                        (e.flags & IDXEVENT_LASER) && t_ns <= head_end_ns + late_ns;
+            if (!good)
+                continue;
+            struct resume_span span = {pan_of(&before), pan_of(&e)};
+            double way = span.to_steps - span.from_steps;
+            if (before.flags && e.revolution - before.revolution <= missed_pulses + 1 && way >= 0 &&
+                way <= most && !resume_add_span(r->span, &r->spans, RESUME_MAX_SPANS, span, 1e-6))
+                st = errctx_set(err, ST_FULL, "the sweep is in more than %d pieces",
+                                RESUME_MAX_SPANS);
+            before = e;
+        }
+    }
+    stream_reader_close(reader);
+    return st == ST_NOT_FOUND ? ST_OK : st;
+}
+
+/* One head stream and the index stream of the same name. */
+static enum st take_session(struct site *site, const struct stream *head, struct resume *r,
+                            struct errctx *err) {
+    struct stream_state state;
+    struct stream index;
+    enum st st = stream_get_state(site, head->id, &state, err);
+    if (st)
+        return st;
+    r->sessions++;
+    r->last_stream_id = head->id;
+    if (r->sessions == 1) {
+        (void)snprintf(r->device, sizeof r->device, "%s", head->name);
+        st = scan_plan_json_read(head->meta, &r->plan, err);
+    }
+    if (st || !state.chunk_count)
+        return st;
+    st = stream_find(site, head->station_id, "index", head->name, &index, err);
+    if (st == ST_NOT_FOUND)
+        return ST_OK;
+    return st ? st : cover(site, &index, state.t_last_ns, r, err);
+}
+
+static enum st take_sessions(struct site *site, int64_t station_id, struct resume *r,
+                             struct errctx *err) {
+    struct stream *page = calloc(PAGE, sizeof *page);
+    if (!page)
+        return errctx_set(err, ST_NOMEM, "no memory for the list of streams");
+    size_t count = PAGE;
+    int64_t after = 0;
+    enum st st = ST_OK;
+    while (!st && count == PAGE) {
+        st = stream_list(site, station_id, after, page, PAGE, &count, err);
+        for (size_t i = 0; i < count && !st; i++) {
+            after = page[i].id;
+            if (!strcmp(page[i].kind, "head"))
+                st = take_session(site, &page[i], r, err);
+        }
+    }
+    free(page);
+    return st;
+}
+
+/* ---- photographs ---- */
+
+static void take_photo(const struct frame_row *row, struct resume *r) {
+    const double near_rad = 0.01;
+    const double turn_rad = 2 * 3.14159265358979323846;
+    const struct scan_plan *plan = &r->plan;
+    for (uint32_t p = 0; p < plan->pass_count; p++)
+        for (uint32_t i = 0; i < plan->pass[p].count; i++) {
+            double pan = plan->pass[p].pan_steps[i] * turn_rad / plan->pan_steps_per_turn;
+            double tilt = plan->pass[p].tilt_steps * turn_rad / plan->tilt_steps_per_turn;
+            if (fabs(row->pan_rad - pan) > near_rad || fabs(row->tilt_rad - tilt) > near_rad ||
+                r->photo[p][i])
+                continue;
+            r->photo[p][i] = true;
+            r->photos++;
+        }
+}
+
+static enum st take_photos(struct site *site, int64_t station_id, struct resume *r,
+                           struct errctx *err) {
+    struct frame_row *page = calloc(PAGE, sizeof *page);
+    if (!page)
+        return errctx_set(err, ST_NOMEM, "no memory for the list of photographs");
+    size_t count = PAGE;
+    int64_t after = 0;
+    enum st st = ST_OK;
+    while (!st && count == PAGE) {
+        st = frame_row_list(site, station_id, after, page, PAGE, &count, err);
+        for (size_t i = 0; i < count && !st; i++) {
+            after = page[i].id;
+            take_photo(&page[i], r);
+        }
+    }
+    free(page);
+    return st;
+}
+
+/* ---- what is left ---- */
+
+/* A sweep's first event comes up to a turn behind its start, and its last one up to a turn before
+ * its end: that much is never covered, also in a scan that nothing disturbed. */
+static void find_rest(struct resume *r) {
+    const struct scan_plan *plan = &r->plan;
+    double turn = plan->steps_per_revolution, from = plan->pan_from_steps, to = plan->pan_to_steps;
+    double first = from, last = to, covered = 0;
+    double at = from + end_turns * turn; /* what comes before needs no cover */
+    bool begun = false;
+    for (size_t i = 0; i < r->spans; i++) {
+        const struct resume_span *s = &r->span[i];
+        covered += fmax(0, fmin(s->to_steps, to) - fmax(s->from_steps, from));
+        if (!begun && s->from_steps <= at && s->to_steps >= at)
+            at = first = s->to_steps;
+        else if (s->from_steps > at)
+            begun = true;
+    }
+    if (r->spans && r->span[r->spans - 1].to_steps >= to - end_turns * turn &&
+        r->span[r->spans - 1].from_steps > first)
+        last = r->span[r->spans - 1].from_steps + overlap_turns * turn;
+    r->covered = to > from ? fmin(1, covered / (to - from)) : 1;
+    r->rest = *plan;
+    if (first >= to - end_turns * turn || to <= from) {
+        r->rest.pan_from_steps = r->rest.pan_to_steps = plan->pan_to_steps;
+    } else {
+        double start = first > from ? floor(first - overlap_turns * turn) : from;
+        r->rest.pan_from_steps = (int32_t)fmax(start, from);
+        r->rest.pan_to_steps = (int32_t)fmin(ceil(last), to);
+    }
+    uint32_t left = 0;
+    for (uint32_t p = 0; p < plan->pass_count; p++) {
+        struct scan_plan_pass *pass = &r->rest.pass[p];
+        pass->count = 0;
+        for (uint32_t i = 0; i < plan->pass[p].count; i++)
+            if (!r->photo[p][i])
+                pass->pan_steps[pass->count++] = plan->pass[p].pan_steps[i];
+        left += pass->count;
+    }
+    r->complete = !left && r->rest.pan_from_steps == r->rest.pan_to_steps;
+}
+
+enum st resume_find(struct site *site, int64_t station_id, struct resume *out_resume,
+                    struct errctx *err) {
+    struct resume *r = out_resume;
+    memset(r, 0, sizeof *r);
+    enum st st = take_sessions(site, station_id, r, err);
+    if (!st && !r->sessions)
+        return errctx_set(err, ST_NOT_FOUND, "nothing has been scanned from this station");
+    if (!st)
+        st = take_photos(site, station_id, r, err);
+    if (!st)
+        find_rest(r);
+    return st;
+}
