@@ -4,3 +4,7 @@ scancart_test(prop_render_agree SOURCES prop/prop_render_agree.c support/render_
 scancart_test(test_view_measure SOURCES unit/test_view_measure.c support/room.c
   DEPS sc_render sc_raster sc_base LABELS "unit;gl")
 scancart_script_test(view_window COMMAND tests/e2e/view_window.py LABELS "e2e" TIMEOUT 240)
+add_executable(bench_viewer bench/bench_viewer.c)
+target_link_libraries(bench_viewer PRIVATE sc_render sc_raster sc_twin sc_base)
+add_executable(bench_viewer_site bench/bench_viewer_site.c)
+target_link_libraries(bench_viewer_site PRIVATE sc_site sc_base)

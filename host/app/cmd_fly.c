@@ -2,7 +2,9 @@
 #include "app/app_site.h"
 #include "app/commands.h"
 #include "app/viewer.h"
+#include "base/clock.h"
 #include "base/fileio.h"
+#include "base/json.h"
 #include "base/picture.h"
 
 #include <math.h>
@@ -10,19 +12,24 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 
 static const char about[] =
     "Flies through a site, past the views of its photographs in their order, and saves every "
     "picture: numbered PNG files in a folder, or an MP4 film if the name ends in .mp4 (through "
-    "ffmpeg, which must be installed).\n\n"
+    "ffmpeg, which must be installed). With --live it draws as the window does while the eye "
+    "moves, "
+    "for so many seconds of real time, and says how long frames took; -o is then not needed.\n\n"
     "Examples:\n"
     "  scancart fly mysite -o flight/ --seconds 10\n"
-    "  scancart fly mysite -o flight.mp4 --size 1920x1080 --fps 30";
+    "  scancart fly mysite -o flight.mp4 --size 1920x1080 --fps 30\n"
+    "  scancart fly mysite --live --seconds 20 --cache 64 --json";
 
 struct arguments {
     char *out, *size;
     double seconds, fps;
-    int cpu, gl, gl31, day, cache_mb, unknown;
+    int cpu, gl, gl31, day, cache_mb, unknown, live;
+    bool json;
 };
 
 struct flight {
@@ -30,6 +37,7 @@ struct flight {
     struct image_u8 im;
     FILE *film; /* NULL: PNG files */
     int frames;
+    int64_t start_ns; /* the command began */
 };
 
 static bool is_film(const char *path) {
@@ -119,6 +127,88 @@ static enum st fly(struct viewer *v, struct flight *f, struct errctx *err) {
     return st;
 }
 
+/* ---- live ---- */
+
+enum { LIVE_FRAMES_MAX = 1 << 16 };
+
+struct live {
+    double first_s; /* from the command's start to the first picture */
+    double *frame_ms;
+    int count;
+    int64_t missing; /* tiles wanted and not there, over all frames */
+};
+
+static enum st live_fly(struct viewer *v, const struct flight *f, struct live *live,
+                        struct errctx *err) {
+    enum st st = viewer_frame(v, &f->im, err);
+    int64_t first_ns = clock_now_ns();
+    live->first_s = 1e-9 * (double)(first_ns - f->start_ns);
+    if (!st)
+        st = viewer_frame(v, &f->im, err); /* chooses the path */
+    int64_t begin_ns = clock_now_ns();
+    for (double t = 0.0; !st && t < 1.0 && live->count < LIVE_FRAMES_MAX;
+         t = 1e-9 * (double)(clock_now_ns() - begin_ns) / f->args->seconds) {
+        v->pilot = pilot_at(v, t);
+        viewer_moved(v);
+        st = viewer_frame(v, &f->im, err);
+        live->frame_ms[live->count++] = 1e3 * v->frame_s;
+        live->missing += v->scene_stats.missing;
+    }
+    return st;
+}
+
+static int by_value(const void *a, const void *b) {
+    double x, y;
+    memcpy(&x, a, sizeof x);
+    memcpy(&y, b, sizeof y);
+    return (x > y) - (x < y);
+}
+
+static enum st live_json(const struct viewer *v, const struct live *live, double peak_mb,
+                         struct errctx *err) {
+    struct json json;
+    json_init_object(&json);
+    json_text(&json, NULL, "path", render_describe(v->renderer));
+    json_number(&json, NULL, "first_picture_s", live->first_s);
+    json_integer(&json, NULL, "frames", live->count);
+    json_number(&json, NULL, "median_ms", live->frame_ms[live->count / 2]);
+    json_number(&json, NULL, "worst_percent_ms",
+                live->frame_ms[live->count - 1 - live->count / 100]);
+    json_integer(&json, NULL, "cache_bytes", v->scene_stats.cache.bytes);
+    json_integer(&json, NULL, "loaded_tiles", v->scene_stats.cache.loaded);
+    json_integer(&json, NULL, "evicted_tiles", v->scene_stats.cache.evicted);
+    json_integer(&json, NULL, "damaged_tiles", v->scene_stats.cache.damaged);
+    json_integer(&json, NULL, "missing_tiles", live->missing);
+    json_number(&json, NULL, "peak_memory_mb", peak_mb);
+    struct cJSON *all = json_array(&json, NULL, "frame_ms");
+    for (int i = 0; i < live->count; i++)
+        json_number(&json, all, NULL, live->frame_ms[i]);
+    enum st st = json_write(&json, stdout, err);
+    json_fini(&json);
+    return st;
+}
+
+static enum st live_run(struct viewer *v, const struct flight *f, struct errctx *err) {
+    struct live live = {.frame_ms = calloc(LIVE_FRAMES_MAX + 1, sizeof(double))};
+    if (!live.frame_ms)
+        return errctx_set(err, ST_NOMEM, "no memory for frame times");
+    enum st st = live_fly(v, f, &live, err);
+    struct rusage usage;
+    double peak_mb = getrusage(RUSAGE_SELF, &usage) ? (double)NAN : 1e-3 * (double)usage.ru_maxrss;
+    qsort(live.frame_ms, (size_t)live.count, sizeof *live.frame_ms, by_value);
+    if (!st && f->args->json)
+        st = live_json(v, &live, peak_mb, err);
+    else if (!st)
+        (void)printf("first picture after %.2f s; %d frames: median %.1f ms, worst 1 %% from %.1f "
+                     "ms; cache %.0f MB, %.0f MB of memory at the most; %s\n",
+                     live.first_s, live.count, live.frame_ms[live.count / 2],
+                     live.frame_ms[live.count - 1 - live.count / 100],
+                     1e-6 * (double)v->scene_stats.cache.bytes, peak_mb,
+                     render_describe(v->renderer));
+    free(live.frame_ms);
+    return st;
+}
+
 static int run(const char *path, const struct viewer_options *options, struct flight *f) {
     struct site *site = NULL;
     struct viewer viewer = {0};
@@ -128,9 +218,9 @@ static int run(const char *path, const struct viewer_options *options, struct fl
         st = viewer_open(site, options, &viewer, &err);
     if (!st) {
         viewer.unknown = f->args->unknown ? VIEWER_UNKNOWN_SHOW : VIEWER_UNKNOWN_HIDE;
-        st = fly(&viewer, f, &err);
+        st = f->args->live ? live_run(&viewer, f, &err) : fly(&viewer, f, &err);
     }
-    if (!st)
+    if (!st && !f->args->live)
         (void)printf("%s: %d pictures of %d x %d pixels, %s\n", f->args->out, f->frames,
                      (int)f->im.width_px, (int)f->im.height_px, render_describe(viewer.renderer));
     viewer_close(&viewer);
@@ -144,7 +234,7 @@ static int parsed(poptContext context, const struct arguments *a) {
     char rest = 0;
     if (!path || poptPeekArg(context))
         return app_usage_error("fly", "give one site");
-    if (!a->out)
+    if (!a->out && !a->live)
         return app_usage_error("fly", "say where the pictures go: -o folder or -o film.mp4");
     if (a->size &&
         (sscanf(a->size, "%dx%d%c", &w, &h, &rest) != 2 || w < 1 || h < 1 || w > 8192 || h > 8192))
@@ -160,7 +250,9 @@ static int parsed(poptContext context, const struct arguments *a) {
                                                        : -1,
                                      .cache_bytes = (size_t)a->cache_mb << 20,
                                      .day = a->day};
-    struct flight f = {.args = a, .frames = (int)fmax(1.0, round(a->seconds * a->fps))};
+    struct flight f = {.args = a,
+                       .start_ns = clock_now_ns(),
+                       .frames = (int)fmax(1.0, round(a->seconds * a->fps))};
     struct errctx err = {0};
     if (image_u8_create(&f.im, w, h, 3)) {
         (void)errctx_set(&err, ST_NOMEM, "no memory for pictures of %dx%d", w, h);
@@ -187,11 +279,13 @@ int cmd_fly(int argc, const char **argv) {
         {"gl31", 0, POPT_ARG_NONE, &a.gl31, 0, "draw with compute shaders", NULL},
         {"cache", 0, POPT_ARG_INT | POPT_ARGFLAG_SHOW_DEFAULT, &a.cache_mb, 0, "memory for tiles",
          "MB"},
+        {"live", 0, POPT_ARG_NONE, &a.live, 0, "as the window draws, and say how fast", NULL},
         POPT_TABLEEND};
     struct app_usage usage = {.name = "fly",
                               .synopsis = "SITE -o FOLDER|FILM.mp4 [options]",
                               .about = about,
-                              .options = options};
+                              .options = options,
+                              .out_json = &a.json};
     poptContext context = NULL;
     enum st st = app_parse(&usage, argc, argv, &context);
     if (st)

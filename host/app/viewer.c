@@ -61,13 +61,14 @@ static double time_renderer(struct viewer *v, struct renderer *renderer) {
     return seconds;
 }
 
-static enum st choose_renderer(struct viewer *v, struct errctx *err) {
+/* Which of the paths is the fastest here: two frames with each. */
+static void choose_renderer(struct viewer *v) {
     struct render_params params = {.gpu_bytes = v->options.gpu_bytes};
-    if (v->options.kind >= 0)
-        return render_create((enum render_kind)v->options.kind, &params, &v->renderer, err);
     struct errctx why = {0};
-    double best_s = (double)INFINITY;
-    for (int k = 0; k < RENDER_KINDS; k++) {
+    v->choosing = false;
+    v->choice_s[RENDER_CPU] = time_renderer(v, v->renderer);
+    double best_s = v->choice_s[RENDER_CPU];
+    for (int k = RENDER_GLES30; k < RENDER_KINDS; k++) {
         struct renderer *r = NULL;
         v->choice_s[k] = (double)NAN;
         if (render_create((enum render_kind)k, &params, &r, &why)) {
@@ -76,7 +77,7 @@ static enum st choose_renderer(struct viewer *v, struct errctx *err) {
             continue;
         }
         v->choice_s[k] = time_renderer(v, r);
-        if (!v->renderer || v->choice_s[k] < best_s) {
+        if (v->choice_s[k] < best_s) {
             render_destroy(v->renderer);
             v->renderer = r;
             best_s = v->choice_s[k];
@@ -84,7 +85,6 @@ static enum st choose_renderer(struct viewer *v, struct errctx *err) {
             render_destroy(r);
         }
     }
-    return v->renderer ? ST_OK : errctx_set(err, ST_NOMEM, "no renderer could be made");
 }
 
 /* ---- life ---- */
@@ -106,6 +106,7 @@ enum st viewer_open(struct site *site, const struct viewer_options *options, str
     v->options = *options;
     v->quality = view_quality_default();
     v->station = v->photo = -1;
+    v->step = 1;
     v->overlay = true;
     v->unknown = VIEWER_UNKNOWN_HIDE; /* one tap away; it may fill the picture */
     (void)snprintf(v->title, sizeof v->title, "%s", fileio_basename(options->path));
@@ -120,7 +121,11 @@ enum st viewer_open(struct site *site, const struct viewer_options *options, str
     if (!st) {
         view_scene_place(v->scene, &v->centre_m, &v->radius_m);
         go_home(v);
-        st = choose_renderer(v, err);
+        /* The portable path is there at once; which one stays is measured after the first frame. */
+        v->choosing = options->kind < 0;
+        struct render_params params = {.gpu_bytes = options->gpu_bytes};
+        st = render_create(v->choosing ? RENDER_CPU : (enum render_kind)options->kind, &params,
+                           &v->renderer, err);
     }
     if (st) {
         viewer_close(v);
@@ -165,6 +170,7 @@ static enum st draw_scene(struct viewer *v, struct renderer *renderer,
                           struct errctx *err) {
     struct raster_options options = options_of(v);
     v->quality.skins = options.skins != RASTER_SKINS_LEAVE_OUT;
+    v->quality.planes_pay = render_kind_of(renderer) != RENDER_CPU;
     enum st st = view_scene_select(v->scene, view, &v->quality, &v->items, &v->item_count,
                                    &v->scene_stats, err);
     if (st)
@@ -176,18 +182,74 @@ static enum st draw_scene(struct viewer *v, struct renderer *renderer,
     return st;
 }
 
-/* The unknown hatched, so that it is told from surfaces without colour, too. */
-static void resolve(const struct viewer *v, const uint8_t *rgba, const struct image_u8 *out) {
+static const uint8_t *hatch(const uint8_t *rgba, int32_t x, int32_t y) {
     static const uint8_t dark[3] = {70, 0, 66};
-    (void)v;
+    return rgba[3] == RASTER_ALPHA_UNKNOWN && ((x + y) & 8) ? dark : rgba;
+}
+
+/* Row y of the window from a picture that is `step` times smaller: between pixels in sixteenths. */
+static void enlarge_row(const uint8_t *rgba, int32_t w, int32_t h, int32_t step, int32_t y,
+                        const struct image_u8 *out) {
+    int32_t fy = (16 * y + 8) / step - 8, y0 = fy > 0 ? fy >> 4 : 0;
+    y0 = y0 < h - 1 ? y0 : h - 1;
+    int32_t y1 = y0 + 1 < h ? y0 + 1 : y0, b = fy > 0 ? fy & 15 : 0;
+    uint8_t *to = out->px + (size_t)y * out->stride_bytes;
+    for (int32_t x = 0; x < out->width_px; x++) {
+        int32_t fx = (16 * x + 8) / step - 8, x0 = fx > 0 ? fx >> 4 : 0;
+        x0 = x0 < w - 1 ? x0 : w - 1;
+        int32_t x1 = x0 + 1 < w ? x0 + 1 : x0, a = fx > 0 ? fx & 15 : 0;
+        const uint8_t *p = hatch(rgba + 4 * ((ptrdiff_t)y0 * w + x0), x, y);
+        const uint8_t *q = hatch(rgba + 4 * ((ptrdiff_t)y0 * w + x1), x, y);
+        const uint8_t *r = hatch(rgba + 4 * ((ptrdiff_t)y1 * w + x0), x, y);
+        const uint8_t *s = hatch(rgba + 4 * ((ptrdiff_t)y1 * w + x1), x, y);
+        for (int k = 0; k < 3; k++)
+            to[3 * x + k] = (uint8_t)(((16 - b) * ((16 - a) * p[k] + a * q[k]) +
+                                       b * ((16 - a) * r[k] + a * s[k]) + 128) >>
+                                      8);
+    }
+}
+
+/* The picture into the window, the unknown hatched, so that it is told from surfaces without
+ * colour, too. */
+static void resolve(const uint8_t *rgba, int32_t w, int32_t h, int32_t step,
+                    const struct image_u8 *out) {
+#pragma omp parallel for schedule(static)
     for (int32_t y = 0; y < out->height_px; y++) {
+        if (step > 1) {
+            enlarge_row(rgba, w, h, step, y, out);
+            continue;
+        }
         uint8_t *to = out->px + (size_t)y * out->stride_bytes;
         const uint8_t *from = rgba + 4 * (size_t)y * (size_t)out->width_px;
-        for (int32_t x = 0; x < out->width_px; x++) {
-            bool unknown = from[4 * x + 3] == RASTER_ALPHA_UNKNOWN;
-            memcpy(to + 3 * x, unknown && ((x + y) & 8) ? dark : from + 4 * x, 3);
-        }
+        for (int32_t x = 0; x < out->width_px; x++)
+            memcpy(to + 3 * x, hatch(from + 4 * x, x, y), 3);
     }
+}
+
+/* A picture with `step` times fewer pixels each way, enlarged: a frame that must not take long. */
+static enum st draw_coarse(struct viewer *v, int32_t step, const struct image_u8 *out,
+                           struct errctx *err) {
+    int32_t w = (out->width_px + step - 1) / step, h = (out->height_px + step - 1) / step;
+    enum st st = grow(v, (size_t)w * (size_t)h, 0, err);
+    if (st)
+        return st;
+    v->view = view_pilot_view(&v->pilot, out->width_px, out->height_px, v->radius_m);
+    struct raster_view small = view_pilot_view(&v->pilot, w, h, v->radius_m);
+    struct raster_target target = {.width_px = w, .height_px = h, .rgba = v->rgba};
+    st = draw_scene(v, v->renderer, &target, &small, err);
+    if (!st)
+        resolve(v->rgba, w, h, step, out);
+    return st;
+}
+
+/* Frames that take too long are drawn with fewer pixels next time, while the eye moves. */
+static void adapt_step(struct viewer *v) {
+    static const double slow_s = 0.060, quick_s = 0.015;
+    enum { STEP_MAX = 4 };
+    if (v->frame_s > slow_s && v->step < STEP_MAX)
+        v->step++;
+    else if (v->frame_s < quick_s && v->step > 1)
+        v->step--;
 }
 
 static enum st draw_fine(struct viewer *v, int32_t n, const struct image_u8 *out,
@@ -216,18 +278,29 @@ bool viewer_wants_frame(const struct viewer *v) {
 }
 
 enum st viewer_frame(struct viewer *v, const struct image_u8 *out, struct errctx *err) {
+    if (v->choosing && v->frames > 0)
+        choose_renderer(v);
     int64_t start_ns = clock_now_ns();
     bool still = start_ns - v->moved_ns > still_after_ns;
     double pixels = (double)out->width_px * out->height_px;
     int32_t n = still && v->scene_stats.complete && pixels < 9e6 ? 2 : 1;
-    v->quality.error_px = still ? still_error_px : moving_error_px;
+    v->quality.error_px = still || v->step > 1 ? still_error_px : moving_error_px;
     v->quality.load_s = still ? 0.05 : 0.008;
-    enum st st = draw_fine(v, n, out, err);
+    enum st st;
+    if (!still && v->step > 1) {
+        st = draw_coarse(v, v->step, out, err);
+    } else {
+        st = draw_fine(v, n, out, err);
+        if (!st)
+            resolve(v->rgba, out->width_px, out->height_px, 1, out);
+    }
     if (st)
         return st;
     v->refined = still && (n == 2 || pixels >= 9e6);
-    resolve(v, v->rgba, out);
+    v->frames++;
     v->frame_s = 1e-9 * (double)(clock_now_ns() - start_ns);
+    if (!still)
+        adapt_step(v);
     struct image_u8 im = *out;
     viewer_ui_draw(v, &im);
     return ST_OK;
@@ -235,6 +308,8 @@ enum st viewer_frame(struct viewer *v, const struct image_u8 *out, struct errctx
 
 enum st viewer_picture(struct viewer *v, const struct image_u8 *out, struct errctx *err) {
     enum { TRIES = 64 };
+    if (v->choosing)
+        choose_renderer(v);
     v->quality.error_px = still_error_px;
     v->quality.load_s = 1.0;
     enum st st = draw_fine(v, 1, out, err);
@@ -243,7 +318,7 @@ enum st viewer_picture(struct viewer *v, const struct image_u8 *out, struct errc
     if (!st)
         st = draw_fine(v, 2, out, err);
     if (!st)
-        resolve(v, v->rgba, out);
+        resolve(v->rgba, out->width_px, out->height_px, 1, out);
     return st;
 }
 

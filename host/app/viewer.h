@@ -11,7 +11,7 @@
 #include "render/view_pilot.h"
 #include "render/view_scene.h"
 
-enum { VIEWER_POINTS_MAX = 64, VIEWER_TITLE_MAX = 96, VIEWER_ROWS = 3 };
+enum { VIEWER_POINTS_MAX = 64, VIEWER_TITLE_MAX = 96, VIEWER_ROWS = 4 };
 
 enum viewer_unknown { VIEWER_UNKNOWN_SHOW, VIEWER_UNKNOWN_HIDE, VIEWER_UNKNOWN_ONLY };
 enum viewer_blend { VIEWER_BLEND_BEST, VIEWER_BLEND_NEAREST };
@@ -71,7 +71,10 @@ struct viewer {
     int station, photo; /* last gone to; -1 */
     char title[VIEWER_TITLE_MAX], message[200];
     int64_t message_ns, moved_ns;
-    double choice_s[RENDER_KINDS]; /* measured at the start; NaN: not to be had */
+    bool choosing;                 /* which path stays is measured after the first frame */
+    double choice_s[RENDER_KINDS]; /* what was measured; 0: not; NaN: not to be had */
+    int64_t frames;                /* drawn so far */
+    int32_t step;                  /* moving frames have so many times fewer pixels each way */
     /* Of the last frame. */
     struct raster_view view;
     const struct render_item *items;

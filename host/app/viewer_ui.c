@@ -208,6 +208,21 @@ static void draw_scale(struct viewer *v, struct image_u8 *im) {
     label(v, im, x, y - 12, 20.0, text);
 }
 
+/* "cpu 6 ms, gles30 61, gles31 -": what the choice of the path came from. */
+static void choice_text(const struct viewer *v, char *out, size_t room) {
+    size_t n = 0;
+    out[0] = '\0';
+    if (v->choice_s[RENDER_CPU] <= 0.0)
+        return;
+    for (int k = 0; k < RENDER_KINDS && n < room; k++) {
+        double ms = 1e3 * v->choice_s[k];
+        const char *name = render_kind_name((enum render_kind)k);
+        int more = isnan(ms) ? snprintf(out + n, room - n, "%s%s none", k ? ", " : "", name)
+                             : snprintf(out + n, room - n, "%s%s %.0f ms", k ? ", " : "", name, ms);
+        n += more > 0 ? (size_t)more : 0;
+    }
+}
+
 static void draw_overlay(struct viewer *v, struct image_u8 *im) {
     char rows[VIEWER_ROWS][400];
     const struct view_scene_stats *s = &v->scene_stats;
@@ -224,8 +239,11 @@ static void draw_overlay(struct viewer *v, struct image_u8 *im) {
         (long long)n[RENDER_POINTS], (long long)n[RENDER_SPLATS], (long long)n[RENDER_MESH],
         (long long)n[RENDER_PLANE], view_layer_name(v->quality.layer),
         s->cache.damaged ? "   DAMAGED TILES: " : "", s->cache.damaged ? s->cache.damage : "");
+    choice_text(v, rows[3], sizeof rows[3]);
     double size = fmax(13.0, fmin(18.0, im->height_px / 45.0));
     for (int i = 0; i < VIEWER_ROWS; i++) {
+        if (!rows[i][0])
+            continue;
         double w = text_width_px(v->font, size, rows[i]);
         label(v, im, im->width_px - w - 12, 6.0 + (i + 1) * 1.45 * size, size, rows[i]);
     }

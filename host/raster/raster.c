@@ -290,6 +290,19 @@ static enum st plan_make(const struct frame *frame, const struct work *work, int
                 plan.band_bytes * (size_t)(plan.threads * (plan.layered ? 2 : 1)), err);
 }
 
+static int nearest_first(const void *a, const void *b) {
+    const struct tile_job *x = a, *y = b;
+    return (x->nearest < y->nearest) - (x->nearest > y->nearest);
+}
+
+/* Few tiles are large on screen: in the order of their distance most hidden pixels end at the
+ * comparison of depths. The picture does not depend on it. */
+static void order_jobs(struct work *work, const struct plan *plan) {
+    enum { FEW = 2048 };
+    if (!plan->layered && work->job_count > 1 && work->job_count <= FEW)
+        qsort(work->jobs, work->job_count, sizeof *work->jobs, nearest_first);
+}
+
 static int64_t plan_run(const struct frame *frame, const struct work *work, const struct plan *plan,
                         struct raster_scratch *scratch, const struct raster_target *target) {
     const uint8_t *bg = frame->options->background_rgb;
@@ -343,6 +356,7 @@ enum st raster_draw(const struct raster_input *inputs, size_t input_count,
     st = plan_make(&frame, &work, threads, scratch, &plan, err);
     if (st)
         return st;
+    order_jobs(&work, &plan);
     double draw_s = now_s();
     stats.bytes_touched = plan_run(&frame, &work, &plan, scratch, target);
     double end_s = now_s();

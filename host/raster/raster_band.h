@@ -60,6 +60,7 @@ struct tile_job {
     float radius_px; /* splat radius before its bounds = radius_px / w */
     int32_t y_lo_px, y_hi_px;       /* rows it can touch, inclusive */
     uint32_t input;                 /* index of its input */
+    float nearest;                  /* depth about its middle, as the view defines it */
     uint64_t item;                  /* raster_item() of its sample (0, 0) */
     int32_t u_lo, u_hi, v_lo, v_hi; /* pixels of the photograph that may be read, inclusive, in the
                                        tile's coordinates */

@@ -162,6 +162,13 @@ bool raster_cull_tile(const struct frame *frame, const struct raster_input *inpu
     if (job.y_lo_px > job.y_hi_px)
         return false;
     tile_extent(input, &job);
+    const double middle[4] = {0.5 * tile->cells_x, 0.5 * tile->cells_y, 1.0, d_hi};
+    double d = 0.0, w = 0.0;
+    for (int j = 0; j < 4; j++) {
+        d += job.c[8 + j] * middle[j];
+        w += job.c[12 + j] * middle[j];
+    }
+    job.nearest = w > 0.0 ? (float)fmin(d / w, (double)FLT_MAX) : FLT_MAX;
     *out_job = job;
     return true;
 }

@@ -36,10 +36,29 @@ struct flat_corner {
     double x, y, inv_w, depth, u_w, v_w, push;
 };
 
+/* What is interpolated: all of it is linear over the screen. */
+enum { FLAT_INV_W, FLAT_DEPTH, FLAT_U_W, FLAT_V_W, FLAT_PUSH, FLAT_VALUES };
+
 struct flat_triangle {
     struct flat_corner p[3];
     double ex[3], ey[3], e0[3]; /* barycentrics l_i = ex x + ey y + e0 */
+    /* value = dx x + dy y + at0 */
+    double dx[FLAT_VALUES], dy[FLAT_VALUES], at0[FLAT_VALUES];
 };
+
+static void flat_gradients(struct flat_triangle *t) {
+    for (int k = 0; k < FLAT_VALUES; k++)
+        t->dx[k] = t->dy[k] = t->at0[k] = 0.0;
+    for (int i = 0; i < 3; i++) {
+        const struct flat_corner *p = &t->p[i];
+        const double value[FLAT_VALUES] = {p->inv_w, p->depth, p->u_w, p->v_w, p->push};
+        for (int k = 0; k < FLAT_VALUES; k++) {
+            t->dx[k] += t->ex[i] * value[k];
+            t->dy[k] += t->ey[i] * value[k];
+            t->at0[k] += t->e0[i] * value[k];
+        }
+    }
+}
 
 static bool flat_setup(struct flat_triangle *t, enum raster_faces faces) {
     double x0 = t->p[0].x, y0 = t->p[0].y;
@@ -53,6 +72,7 @@ static bool flat_setup(struct flat_triangle *t, enum raster_faces faces) {
         t->ey[i] = (r->x - q->x) / area;
         t->e0[i] = -(t->ex[i] * q->x + t->ey[i] * q->y);
     }
+    flat_gradients(t);
     return true;
 }
 
@@ -77,24 +97,22 @@ static bool flat_span(const struct flat_triangle *t, double y, double pad_px, do
     return true;
 }
 
+/* The values of a row: value = dx x + row. */
 static void flat_pixel(const struct frame *frame, const struct mesh_paint *paint,
-                       const struct flat_triangle *t, int32_t x, int32_t y,
-                       const struct band *band) {
-    double inv_w = 0, depth = 0, u_w = 0, v_w = 0, push = 0;
-    for (int i = 0; i < 3; i++) {
-        double l = t->ex[i] * x + t->ey[i] * y + t->e0[i];
-        inv_w += l * t->p[i].inv_w;
-        depth += l * t->p[i].depth;
-        u_w += l * t->p[i].u_w;
-        v_w += l * t->p[i].v_w;
-        push += l * t->p[i].push;
-    }
+                       const struct flat_triangle *t, const double row[FLAT_VALUES], int32_t x,
+                       int32_t y, const struct band *band) {
+    double depth = t->dx[FLAT_DEPTH] * x + row[FLAT_DEPTH];
+    double push = t->dx[FLAT_PUSH] * x + row[FLAT_PUSH];
+    double inv_w = t->dx[FLAT_INV_W] * x + row[FLAT_INV_W];
     if (!(depth >= 0.0 && depth <= (double)frame->depth_max) || !(inv_w > 0.0))
         return;
-    double u = fmin(fmax(u_w / inv_w, 0.0), 32.0), v = fmin(fmax(v_w / inv_w, 0.0), 32.0);
-    uint32_t rgba = raster_texture_rgba(frame, paint, (float)u, (float)v);
-    uint64_t key = key_depth((float)fmax(depth - push, 0.0)) | rgba;
+    uint64_t upper = key_depth((float)fmax(depth - push, 0.0));
     ptrdiff_t at = (y - band->y0_px) * band->stride + x;
+    if (!frame->rich && upper + UINT32_MAX <= band->key[at])
+        return; /* hidden whatever its colour */
+    double u_w = t->dx[FLAT_U_W] * x + row[FLAT_U_W], v_w = t->dx[FLAT_V_W] * x + row[FLAT_V_W];
+    double u = fmin(fmax(u_w / inv_w, 0.0), 32.0), v = fmin(fmax(v_w / inv_w, 0.0), 32.0);
+    uint64_t key = upper | raster_texture_rgba(frame, paint, (float)u, (float)v);
     if (frame->rich)
         band_put_rich(band, at, key,
                       paint->job->item + ((uint64_t)(v + 0.5) << 8) + (uint64_t)(u + 0.5),
@@ -117,8 +135,11 @@ static int64_t flat_draw(const struct frame *frame, const struct mesh_paint *pai
         int32_t x_lo, x_hi;
         if (!flat_span(t, y, pad_px, band->width_px - 1.0, &x_lo, &x_hi))
             continue;
+        double row[FLAT_VALUES];
+        for (int k = 0; k < FLAT_VALUES; k++)
+            row[k] = t->dy[k] * y + t->at0[k];
         for (int32_t x = x_lo; x <= x_hi; x++)
-            flat_pixel(frame, paint, t, x, y, band);
+            flat_pixel(frame, paint, t, row, x, y, band);
         tested += x_hi >= x_lo ? x_hi - x_lo + 1 : 0;
     }
     return tested;

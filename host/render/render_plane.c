@@ -154,13 +154,16 @@ void render_plane_draw(const struct render_item *item, const struct raster_view 
             double s = n[6] * x + n[7] * y + n[8]; /* 1 / w */
             if (!(s > 0.0))
                 continue;
-            double u = (n[0] * x + n[1] * y + n[2]) / s, v = (n[3] * x + n[4] * y + n[5]) / s;
+            double w = 1.0 / s;
+            double u = (n[0] * x + n[1] * y + n[2]) * w, v = (n[3] * x + n[4] * y + n[5]) * w;
             if (!(u >= -slack && v >= -slack && u <= q.u_hi + slack && v <= q.v_hi + slack))
                 continue;
             u = fmin(fmax(u, 0.0), q.u_hi);
             v = fmin(fmax(v, 0.0), q.v_hi);
             double depth = (q.depth[0] * u + q.depth[1] * v + q.depth[2]) * s;
-            if (!(depth >= 0.0 && depth <= depth_max) ||
+            /* pushing back only makes it farther: what loses now need not be looked at */
+            if ((float)depth < target->depth[(size_t)y * (size_t)view->width_px + (size_t)x] ||
+                !(depth >= 0.0 && depth <= depth_max) ||
                 !cell_shown(tile, (float)u, (float)v, options->leave_out_flags))
                 continue;
             float top = (float)depth;

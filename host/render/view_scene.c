@@ -291,9 +291,12 @@ static void roots(struct view_scene *s, const struct raster_view *view,
     }
 }
 
+/* The cheapest primitive that is as close to the truth as any at that size on screen. Measured
+ * (docs/viewer.md): up to splats_px a splat beats the mesh in both, since it closes the gaps beside
+ * silhouettes; above it costs more pixels than two triangles and looks coarser. */
 static enum render_primitive primitive_of(const struct candidate *c,
                                           const struct view_quality *quality) {
-    static const double points_px = 0.35, splats_px = 1.2;
+    static const double points_px = 0.35, splats_px = 4.0;
     bool plane = c->slot->is_plane && !quality->skins;
     switch (quality->primitive) {
     case VIEW_POINTS:
@@ -311,9 +314,9 @@ static enum render_primitive primitive_of(const struct candidate *c,
         return RENDER_MESH;
     if (c->error_px <= points_px)
         return RENDER_POINTS;
-    if (plane)
-        return RENDER_PLANE;
-    return c->error_px <= splats_px ? RENDER_SPLATS : RENDER_MESH;
+    if (c->error_px <= splats_px)
+        return RENDER_SPLATS;
+    return plane && quality->planes_pay ? RENDER_PLANE : RENDER_MESH;
 }
 
 static int by_photo(const void *a, const void *b) {

@@ -25,6 +25,7 @@ struct view_quality {
     double load_s;                 /* for reading tiles, a frame */
     enum view_primitive primitive; /* VIEW_PLANES: planes as such, mesh for the others */
     bool skins;                    /* skins are shown: everything is mesh */
+    bool planes_pay;               /* a quadrilateral is cheaper than its cells: true with a GPU */
     enum view_layer layer;
 };
 /* 1 px, 8192 tiles, 10 ms, automatic. */
