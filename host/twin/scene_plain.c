@@ -91,8 +91,9 @@ static void room_targets(struct scene *scene) {
                                     {-2.3, -1.2, 0.8, 0.1},  {1.9, -1.7, 1.6, 0.1},
                                     {0.4, 2.0, 1.0, 0.15},   {0.2, -1.9, 1.3, 0.0725}};
     for (int i = 0; i < 6; i++) {
-        struct trace_sphere sphere = {
-            {at[i][0], at[i][1], at[i][2]}, at[i][3], scene_add_part(scene, ball, pose_identity())};
+        struct trace_sphere sphere = {.centre_m = {at[i][0], at[i][1], at[i][2]},
+                                      .radius_m = at[i][3],
+                                      .part = scene_add_part(scene, ball, pose_identity())};
         scene_add_sphere(scene, sphere);
         tripod(scene, metal, at[i][0], at[i][1], at[i][2] - at[i][3]);
     }
@@ -201,7 +202,10 @@ void scene_open_field(struct scene *scene, double detail) {
 void scene_sphere(struct scene *scene, double detail) {
     (void)detail;
     uint16_t wall = matt(scene, "dome", TEXTURE_PLASTER, 0.75f, 0.74f, 0.7f, 0.7f);
-    struct trace_sphere sphere = {{0, 0, 1.6}, 5, scene_add_part(scene, wall, pose_identity())};
+    struct trace_sphere sphere = {.centre_m = {0, 0, 1.6},
+                                  .radius_m = 5,
+                                  .part = scene_add_part(scene, wall, pose_identity()),
+                                  .hollow = true};
     scene_add_sphere(scene, sphere);
     lamp(scene, 0.5, 0.2, 4.5, 4);
     for (int i = 0; i < 3; i++)

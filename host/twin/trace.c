@@ -199,6 +199,7 @@ static void refine_sphere(const struct trace *trace, const struct trace_ray *ray
     out->normal = vec3_scale(vec3_sub(out->p_m, s->centre_m), 1 / s->radius_m);
     out->shading = out->normal;
     face_ray(out, ray->dir);
+    out->inside = out->inside != s->hollow;
 }
 
 static void refine(const struct trace *trace, const struct trace_ray *ray, unsigned geometry,

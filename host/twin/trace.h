@@ -20,6 +20,7 @@ struct trace_sphere {
     struct vec3 centre_m;
     double radius_m;
     uint16_t part;
+    bool hollow; /* a shell: inside is where one can stand */
 };
 
 struct trace_ray {

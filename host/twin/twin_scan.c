@@ -43,9 +43,9 @@ struct run {
     size_t frames;
     FILE *samples; /* truth, one record a sample */
     int64_t station_id, calib_id;
-    bool sweeping;
+    bool listening, sweeping;
     int64_t shown_ms; /* cart time that the progress bar has */
-    double error_sum_m, error_sum2_m2, turns_from_rad, turns_to_rad;
+    double error_sum_m, error_sum2_m2, turned_rad, last_rad;
     uint64_t errors;
 };
 
@@ -61,7 +61,7 @@ static bool fault_on(const struct run *r, enum faults_kind kind) {
 
 static enum st take_packet(void *ctx, const struct cart_packet *packet, struct errctx *err) {
     struct run *r = ctx;
-    if (!r->sweeping)
+    if (!r->listening)
         return ST_OK; /* nobody listens to the head before the sweep */
     r->out->packets++;
     r->out->bytes += packet->size;
@@ -104,11 +104,11 @@ static void count_shot(struct run *r, const struct cart_shot *shot) {
 
 static enum st take_shot(void *ctx, const struct cart_shot *shot, struct errctx *err) {
     struct run *r = ctx;
-    if (!r->sweeping)
+    if (!r->listening)
         return ST_OK;
-    if (!r->out->samples)
-        r->turns_from_rad = shot->state.mirror_rad;
-    r->turns_to_rad = shot->state.mirror_rad;
+    if (r->sweeping && r->last_rad > 0)
+        r->turned_rad += shot->state.mirror_rad - r->last_rad;
+    r->last_rad = r->sweeping ? shot->state.mirror_rad : 0;
     count_shot(r, shot);
     if (r->picture.range_m)
         twin_picture_add(&r->picture, shot, &r->out->true_pose);
@@ -133,6 +133,8 @@ static enum st time_passed(void *ctx, int64_t now_ns, struct errctx *err) {
     return ST_OK;
 }
 
+/* From the first sweep on all is kept, also what the head sends while the controller recovers from a
+ * fault. */
 static void note_sweeping(void *ctx, bool on) {
     struct run *r = ctx;
     int64_t now_ns = cart_time_ns(r->cart);
@@ -140,6 +142,7 @@ static void note_sweeping(void *ctx, bool on) {
         r->sweep_from_ns = now_ns;
     else
         r->out->sweep_s += (double)(now_ns - r->sweep_from_ns) * 1e-9;
+    r->listening = true;
     r->sweeping = on;
 }
 
@@ -157,7 +160,9 @@ static enum st sweep(struct run *r, struct errctx *err) {
         .to_steps = steps_of(scan, TWIN_CONFIG_PAN_STEPS, to + way * run_up_deg),
         .rate = real(scan, TWIN_CONFIG_PAN_PER_REV) * real(scan, TWIN_CONFIG_MIRROR_HZ)};
     int32_t overlap = steps_of(scan, TWIN_CONFIG_PAN_STEPS, run_up_deg);
-    return twin_drive_sweep(&r->drive, &program, overlap, err);
+    enum st st = twin_drive_sweep(&r->drive, &program, overlap, err);
+    r->listening = false;
+    return st;
 }
 
 /* ---- photographs ---- */
@@ -351,7 +356,7 @@ static enum st add_station(struct run *r, const struct scene_stand *stand, size_
 
 static void summarise(struct run *r) {
     struct twin_scan_stand *out = r->out;
-    double turns = (r->turns_to_rad - r->turns_from_rad) / (2 * pi);
+    double turns = r->turned_rad / (2 * pi);
     out->mirror_hz = out->sweep_s > 0 ? turns / out->sweep_s : 0;
     double rate = real(r->scan, TWIN_CONFIG_SAMPLE_RATE);
     out->samples_a_deg_mirror = out->mirror_hz > 0 ? rate / out->mirror_hz / 360 : 0;
@@ -410,7 +415,7 @@ static enum st work(struct run *r, const struct scene_stand *stand, size_t numbe
         st = sweep(r, err);
     if (!st && scan->frames)
         st = photograph(r, err);
-    if (r->record.site && !r->record.disk_full && st != ST_CANCELLED) {
+    if (r->record.site && st != ST_CANCELLED && st != ST_FULL) {
         struct errctx flush_err = {0};
         enum st flushed = twin_record_flush(&r->record, st ? &flush_err : err);
         st = st ? st : flushed;

@@ -214,6 +214,25 @@ static void stands_in_walls_and_unknown_scenes_are_refused(void **state) {
     scene_destroy(scene);
 }
 
+static void every_scene_has_stands_where_a_cart_can_stand(void **state) {
+    (void)state;
+    static const char *const names[] = {"room",     "accident",   "heritage",
+                                        "corridor", "open_field", "sphere"};
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+        struct errctx err = {0};
+        struct scene *scene = NULL;
+        assert_int_equal(scene_create(names[i], 1, 0.1, &scene, &err), ST_OK);
+        assert_true(scene->stand_count > 0);
+        for (size_t k = 0; k < scene->stand_count; k++) {
+            struct vec3 head_m = scene->stand[k].position_m;
+            head_m.z += 1.6;
+            if (scene_check_place(scene, head_m, 0.3, &err))
+                fail_msg("%s, stand %s: %s", names[i], scene->stand[k].name, err.text);
+        }
+        scene_destroy(scene);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_parameter_file_changes_what_it_names_and_no_more),
@@ -227,6 +246,7 @@ int main(void) {
         cmocka_unit_test(obj_and_ply_meshes_are_read),
         cmocka_unit_test(bad_meshes_are_refused_with_a_reason),
         cmocka_unit_test(stands_in_walls_and_unknown_scenes_are_refused),
+        cmocka_unit_test(every_scene_has_stands_where_a_cart_can_stand),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
