@@ -4,10 +4,15 @@
 #include <errno.h>
 #include <gpiod.h>
 #include <poll.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
-enum { EVENTS = 16 }; /* all that the kernel keeps of a line */
+enum {
+    EVENTS = 16, /* all that the kernel keeps of a line */
+    CHIPS_MAX = 256
+};
 
 struct lines_gpiod_v1 {
     struct lines lines;
@@ -123,6 +128,31 @@ static enum st take_line(struct lines_gpiod_v1 *g, unsigned line, const char *na
     return ST_OK;
 }
 
+/* The chip with that label, NULL with errno: EACCES if one could not be looked at. */
+static struct gpiod_chip *open_by_label(const char *label) {
+    int error = ENOENT;
+    for (unsigned i = 0; i < CHIPS_MAX; i++) {
+        char path[32];
+        (void)snprintf(path, sizeof path, "/dev/gpiochip%u", i);
+        if (access(path, F_OK))
+            continue;
+        struct gpiod_chip *chip = gpiod_chip_open(path);
+        if (chip && !strcmp(gpiod_chip_label(chip), label))
+            return chip;
+        if (chip)
+            gpiod_chip_close(chip);
+        else if (errno == EACCES || errno == EPERM)
+            error = errno;
+    }
+    errno = error;
+    return NULL;
+}
+
+static struct gpiod_chip *open_chip(const char *chip) {
+    struct gpiod_chip *found = *chip == '/' ? gpiod_chip_open(chip) : gpiod_chip_open_by_name(chip);
+    return found || errno == EACCES || errno == EPERM || *chip == '/' ? found : open_by_label(chip);
+}
+
 enum st lines_gpiod_open(const struct lines_gpiod_config *config, struct lines **out_lines,
                          struct errctx *err) {
     enum st st = lines_gpiod_check(config, err);
@@ -136,7 +166,7 @@ enum st lines_gpiod_open(const struct lines_gpiod_config *config, struct lines *
     for (int i = 0; i < LINES_COUNT; i++)
         g->file[i] = (struct pollfd){.fd = -1, .events = POLLIN};
     errno = 0;
-    g->chip = gpiod_chip_open_lookup(config->chip);
+    g->chip = open_chip(config->chip);
     if (!g->chip)
         st = lines_gpiod_failed(errno ? errno : ENOENT, g->chip_name, NULL, err);
     for (unsigned i = 0; i < LINES_COUNT && !st; i++)

@@ -1,14 +1,13 @@
 /* libgpiod 2.x: one request holds all lines, the kernel numbers the edges of each. */
 #include "capture/backends/lines_gpiod.h"
 
-#include <dirent.h>
 #include <errno.h>
 #include <gpiod.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { EVENTS = 64, KERNEL_EVENTS = 1024, PATH_BYTES = 300 };
+enum { EVENTS = 64, KERNEL_EVENTS = 1024, PATH_BYTES = 300, CHIPS_MAX = 256 };
 
 struct lines_gpiod_v2 {
     struct lines lines;
@@ -16,6 +15,7 @@ struct lines_gpiod_v2 {
     struct gpiod_chip *chip;
     struct gpiod_line_request *request;
     struct gpiod_edge_event_buffer *events;
+    size_t line_count; /* of the chip */
     bool wired[LINES_COUNT];
     unsigned offset[LINES_COUNT];
     unsigned long seen[LINES_COUNT]; /* the kernel's number of the last edge, from 1 */
@@ -113,27 +113,21 @@ static bool has_label(struct gpiod_chip *chip, const char *label) {
 
 /* The chip with that label, NULL with errno: EACCES if one could not be looked at. */
 static struct gpiod_chip *open_by_label(const char *label) {
-    DIR *folder = opendir("/dev");
-    struct gpiod_chip *found = NULL;
     int error = ENOENT;
-    for (struct dirent *e = folder ? readdir(folder) : NULL; e && !found; e = readdir(folder)) {
+    for (int i = 0; i < CHIPS_MAX; i++) {
         char path[PATH_BYTES];
-        (void)snprintf(path, sizeof path, "/dev/%s", e->d_name);
-        if (strncmp(e->d_name, "gpiochip", 8) || !gpiod_is_gpiochip_device(path))
-            continue;
-        struct gpiod_chip *chip = gpiod_chip_open(path);
-        if (!chip) {
-            error = errno;
-        } else if (has_label(chip, label)) {
-            found = chip;
-        } else {
+        (void)snprintf(path, sizeof path, "/dev/gpiochip%d", i);
+        errno = 0;
+        struct gpiod_chip *chip = gpiod_is_gpiochip_device(path) ? gpiod_chip_open(path) : NULL;
+        if (chip && has_label(chip, label))
+            return chip;
+        if (chip)
             gpiod_chip_close(chip);
-        }
+        else if (errno == EACCES || errno == EPERM)
+            error = errno;
     }
-    if (folder)
-        (void)closedir(folder);
     errno = error;
-    return found;
+    return NULL;
 }
 
 static struct gpiod_chip *open_chip(const char *chip) {
@@ -159,7 +153,7 @@ static enum st add_line(struct lines_gpiod_v2 *g, unsigned line, const char *nam
     int offset = gpiod_chip_get_line_offset_from_name(g->chip, name);
     if (offset >= 0)
         g->offset[line] = (unsigned)offset;
-    else if (!lines_gpiod_number(name, &g->offset[line]))
+    else if (!lines_gpiod_number(name, &g->offset[line]) || g->offset[line] >= g->line_count)
         return lines_gpiod_failed(ENOENT, g->chip_name, name, err);
     struct gpiod_line_settings *settings = gpiod_line_settings_new();
     bool good = settings &&
@@ -184,8 +178,17 @@ static const char *last_name(const struct lines_gpiod_config *config) {
     return name;
 }
 
+static size_t count_lines(struct gpiod_chip *chip) {
+    struct gpiod_chip_info *info = gpiod_chip_get_info(chip);
+    size_t count = info ? gpiod_chip_info_get_num_lines(info) : 0;
+    if (info)
+        gpiod_chip_info_free(info);
+    return count;
+}
+
 static enum st request_lines(struct lines_gpiod_v2 *g, const struct lines_gpiod_config *config,
                              struct errctx *err) {
+    g->line_count = count_lines(g->chip);
     struct gpiod_line_config *lines = gpiod_line_config_new();
     struct gpiod_request_config *how = gpiod_request_config_new();
     g->events = gpiod_edge_event_buffer_new((size_t)EVENTS);
