@@ -18,3 +18,7 @@ scancart_fuzz(picture SOURCES fuzz/fuzz_picture.c DEPS sc_base)
 scancart_fuzz(config SOURCES fuzz/fuzz_config.c DEPS sc_base)
 scancart_test(test_st SOURCES unit/test_st.c DEPS sc_base LABELS unit)
 scancart_test(test_nominal_rig SOURCES unit/test_nominal_rig.c DEPS sc_base LABELS unit)
+# the clocks
+scancart_test(test_cart_clock SOURCES unit/test_cart_clock.c support/clock_world.c support/clock_runs.c
+  DEPS sc_base LABELS unit)
+target_include_directories(test_cart_clock PRIVATE support)

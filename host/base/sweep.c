@@ -1,6 +1,10 @@
 #include "base/sweep.h"
 
+#include <math.h>
 #include <string.h>
+
+static const double two_pi = 6.283185307179586;
+static const double uniform = 0.28867513459481287; /* sigma of a uniform distribution of width 1 */
 
 /* Of 2^32 position units a turn: beyond a quarter turn between neighbours the direction is in
  * doubt. */
@@ -21,7 +25,88 @@ void sweep_init(struct sweep *sweep, const struct sweep_index *index, size_t ind
     memset(sweep, 0, sizeof *sweep);
     sweep->index = index;
     sweep->index_count = index_count;
+    sweep->fitted = index_count > 0 && index[0].head_epoch > 0;
+    if (sweep->fitted)
+        sweep->cursor.params.noise_steps = fmax(pan_curve_noise(index, index_count), 0);
 }
+
+/* ---- by the clocks ---- */
+
+static bool before(const struct sweep_index *a, uint32_t epoch, int64_t t_head_ns) {
+    return a->head_epoch != epoch ? a->head_epoch < epoch : a->t_head_ns <= t_head_ns;
+}
+
+/* The last pulse at or before, or 0; samples come in order, so it is mostly where it was. */
+static size_t seek(const struct sweep_index *index, size_t count, size_t at, uint32_t epoch,
+                   int64_t t_head_ns) {
+    if (at >= count || !before(&index[at], epoch, t_head_ns)) {
+        size_t low = 0, high = count;
+        while (low < high) {
+            size_t middle = (low + high) / 2;
+            if (before(&index[middle], epoch, t_head_ns))
+                low = middle + 1;
+            else
+                high = middle;
+        }
+        return low ? low - 1 : 0;
+    }
+    while (at + 1 < count && before(&index[at + 1], epoch, t_head_ns))
+        at++;
+    return at;
+}
+
+void sweep_at(struct sweep_cursor *cursor, const struct sweep_index *index, size_t count,
+              uint32_t head_epoch, int64_t t_head_ns, double counts,
+              struct sweep_place *out_place) {
+    struct sweep_place place = {.verdict = SWEEP_NO_INDEX,
+                                .counts = counts,
+                                .pan_sigma_steps = (double)NAN,
+                                .tilt_sigma_steps = (double)NAN};
+    *out_place = place;
+    if (!count)
+        return;
+    size_t at = seek(index, count, cursor->at, head_epoch, t_head_ns);
+    cursor->at = at;
+    const struct sweep_index *a = &index[at], *b = a + 1;
+    if (!before(a, head_epoch, t_head_ns) || at + 1 >= count || a->head_epoch != head_epoch ||
+        b->head_epoch != head_epoch)
+        return;
+    if (!cursor->has_curve || cursor->curve_at != at) {
+        cursor->has_curve = pan_curve_make(index, count, at, &cursor->params, &cursor->curve);
+        cursor->curve_at = at;
+        if (!cursor->has_curve)
+            return;
+    }
+    double part = (double)(t_head_ns - a->t_head_ns) / (double)(b->t_head_ns - a->t_head_ns);
+    double sigma_s = 1e-9 * (a->t_sigma_ns + part * (b->t_sigma_ns - a->t_sigma_ns));
+    struct pan_curve_point p = pan_curve_at(&cursor->curve, part * cursor->curve.span_s);
+    double slip =
+        a->slip_t_head_ns && t_head_ns >= a->slip_t_head_ns ? a->slip_after_counts : a->slip_counts;
+    place.verdict = SWEEP_GOOD;
+    place.counts = slip == 0 ? counts : counts - slip;
+    place.pan_steps = p.pan_steps;
+    place.tilt_steps = p.tilt_steps;
+    place.pan_sigma_steps = hypot(p.pan_sigma_steps, p.pan_rate * sigma_s);
+    place.tilt_sigma_steps = p.tilt_sigma_steps;
+    place.pan_direction = a->pan_direction == b->pan_direction ? a->pan_direction : 0;
+    place.sweep = a->sweep && b->sweep;
+    place.revolution = a->revolution;
+    if (b->revolution > a->revolution + 1) /* pulses are missing: by time */
+        place.revolution += (uint32_t)(part * (double)(b->revolution - a->revolution));
+    *out_place = place;
+}
+
+static void packet_by_clocks(struct sweep *s, const struct head_packet *packet,
+                             struct sweep_place *out_places) {
+    uint32_t lost = 0;
+    (void)head_epoch_packet(&s->epoch, packet, &lost);
+    for (unsigned i = 0; i < packet->sample_count; i++)
+        sweep_at(&s->cursor, s->index, s->index_count, s->epoch.number,
+                 packet->head_t_ns + (int64_t)i * packet->interval_ns,
+                 head_position_counts(packet->samples[i].position), &out_places[i]);
+}
+
+/* ---- by the encoder's phase ---- */
 
 /* The index event whose pulse began the turn in which the host was at t: the last one before t. */
 static size_t event_before(const struct sweep *s, int64_t t_host_ns) {
@@ -77,9 +162,8 @@ static void interpolate(struct sweep *s, struct sweep_place *place, int64_t revo
     place->verdict = SWEEP_GOOD;
 }
 
-void sweep_packet(struct sweep *sweep, const struct head_packet *packet, int64_t t_host_ns,
-                  struct sweep_place *out_places) {
-    struct sweep *s = sweep;
+static void packet_by_phase(struct sweep *s, const struct head_packet *packet, int64_t t_host_ns,
+                            struct sweep_place *out_places) {
     for (unsigned i = 0; i < packet->sample_count; i++) {
         uint32_t position = packet->samples[i].position, seq = packet->first_sample_seq + i;
         int64_t t_ns =
@@ -105,10 +189,32 @@ void sweep_packet(struct sweep *sweep, const struct head_packet *packet, int64_t
         memset(place, 0, sizeof *place);
         place->verdict = SWEEP_NO_INDEX;
         place->counts = head_position_counts(position);
+        place->pan_sigma_steps = place->tilt_sigma_steps = (double)NAN;
         if (s->matched && s->index_count)
             interpolate(s, place, s->turns + s->revolution_of_turn_0,
                         (double)position / 4294967296.0);
     }
+}
+
+void sweep_packet(struct sweep *sweep, const struct head_packet *packet, int64_t t_host_ns,
+                  struct sweep_place *out_places) {
+    if (sweep->fitted)
+        packet_by_clocks(sweep, packet, out_places);
+    else
+        packet_by_phase(sweep, packet, t_host_ns, out_places);
+}
+
+double sweep_pan_sigma(const struct rig *rig, const struct sweep_place *place) {
+    if (place->verdict != SWEEP_GOOD)
+        return (double)NAN;
+    double play_rad = place->pan_direction ? 0 : uniform * rig->pan_backlash_rad;
+    return hypot(place->pan_sigma_steps * two_pi / rig->pan_steps_per_turn, play_rad);
+}
+
+double sweep_tilt_sigma(const struct rig *rig, const struct sweep_place *place) {
+    if (place->verdict != SWEEP_GOOD)
+        return (double)NAN;
+    return place->tilt_sigma_steps * two_pi / rig->tilt_steps_per_turn;
 }
 
 struct vec3 sweep_point(const struct rig *rig, const struct sweep_place *place,
