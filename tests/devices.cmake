@@ -14,6 +14,10 @@ scancart_test(test_lines_gpiod_v2 SOURCES unit/test_lines_gpiod.c support/gpiod2
   ${backends}/lines_gpiod.c ${backends}/lines_gpiod_v2.c DEPS sc_base LABELS unit)
 target_include_directories(test_lines_gpiod_v2 BEFORE PRIVATE support/gpiod2)
 
+# The head: the real libusb on a simulated bus.
+scancart_test(test_head_usb SOURCES unit/test_head_usb.c support/head_sim.c
+  DEPS sc_capture PkgConfig::UMOCKDEV LABELS unit)
+
 # A Linux machine in QEMU with real kernel devices; see tests/e2e/vm_capture.py.
 add_executable(vm_head support/vm_head.c)
 target_link_libraries(vm_head PRIVATE sc_base)
@@ -24,3 +28,5 @@ target_link_libraries(vm_probe PRIVATE sc_capture)
 scancart_script_test(vm_capture COMMAND ${PYTHON_DEBIAN} ${CMAKE_CURRENT_SOURCE_DIR}/e2e/vm_capture.py
   LABELS "e2e;qemu" TIMEOUT 300)
 set_tests_properties(vm_capture PROPERTIES RESOURCE_LOCK emulator)
+add_executable(bench_head_usb bench/bench_head_usb.c support/head_sim.c)
+target_link_libraries(bench_head_usb PRIVATE sc_capture PkgConfig::UMOCKDEV)
