@@ -374,7 +374,7 @@ static int simulate_block(struct cart *c, int64_t from_ns, int64_t to_ns) {
     int count = 0;
     while (count < c->shot_capacity && (double)((first + count) * (int64_t)c->interval_ns) < shown1)
         count++;
-#pragma omp parallel for schedule(dynamic, 64) if (count > 256)
+#pragma omp parallel for schedule(dynamic, 64) if (count > 1024)
     for (int i = 0; i < count; i++) {
         double t_ns =
             (double)from_ns + ((double)((first + i) * (int64_t)c->interval_ns) - shown0) * rate;

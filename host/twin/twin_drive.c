@@ -233,7 +233,8 @@ enum st twin_drive_sweep(struct twin_drive *drive, const struct motor_scan *scan
         if (!st) /* while the pan moves, the mirror runs up */
             st = command(drive, ops->mirror(drive->motor, drive->mirror_rps, err), err);
         if (!st)
-            st = twin_drive_move(drive, part.from_steps, drive->status.axis[MOTOR_TILT].steps, err);
+            st = twin_drive_move(drive, part.from_steps, 0,
+                                 err); /* homing leaves the tilt at its switch */
         if (!st)
             st = light_up(drive, &lit, err);
         if (!st && lit)

@@ -41,7 +41,7 @@ ST_MUST_CHECK enum st twin_drive_wait(struct twin_drive *drive, double seconds, 
 ST_MUST_CHECK enum st twin_drive_move(struct twin_drive *drive, int32_t pan_steps,
                                       int32_t tilt_steps, struct errctx *err);
 
-/* Mirror up, laser on, one sweep (scan->steps_per_turn as in device/motor.h), laser off, mirror
+/* Mirror up, tilt level, laser on, one sweep (scan->steps_per_turn as in device/motor.h), laser off, mirror
  * coasting. A sweep that a fault interrupts goes on a little before where it stopped, `overlap`
  * steps. ST_DEVICE after 20 interruptions. */
 ST_MUST_CHECK enum st twin_drive_sweep(struct twin_drive *drive, const struct motor_scan *scan,

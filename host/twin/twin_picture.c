@@ -114,14 +114,32 @@ static void range_rgb(float t, uint8_t out[3]) {
         out[k] = (uint8_t)(stops[i][k] + f * (stops[i + 1][k] - stops[i][k]) + 0.5f);
 }
 
-/* Light from the upper left on the range picture, so that shape shows: from the slope of log range.
- */
-static float shade(const struct twin_picture *p, size_t here, size_t right, size_t below) {
-    float a = p->range_m[here], b = p->range_m[right], c = p->range_m[below];
-    if (isnan(a) || isnan(b) || isnan(c))
+/* Mean log range of the pixels around (x, y) that belong to the surface at range r. */
+static float mean_log(const struct twin_picture *p, int32_t x, int32_t y, float r) {
+    float sum = 0;
+    int n = 0;
+    for (int dy = -2; dy <= 2; dy++)
+        for (int dx = -2; dx <= 2; dx++) {
+            int32_t u = (x + dx + p->width_px) % p->width_px, v = y + dy;
+            float q = v >= 0 && v < p->height_px ? p->range_m[v * p->width_px + u] : NAN;
+            if (q > 0.94f * r && q < 1.06f * r) {
+                sum += logf(q / r);
+                n++;
+            }
+        }
+    return n ? sum / (float)n : 0;
+}
+
+/* Light from the upper left on the range picture, so that shape shows: from the slope of log range
+ * between four neighbourhoods, so that the range noise does not. */
+static float shade(const struct twin_picture *p, size_t at) {
+    enum { REACH = 3 };
+    int32_t x = (int32_t)(at % (size_t)p->width_px), y = (int32_t)(at / (size_t)p->width_px);
+    float r = p->range_m[at], across = (float)(2 * REACH * p->step_rad);
+    if (isnan(r))
         return 1;
-    float step = (float)p->step_rad;
-    float gx = (b - a) / (a * step), gy = (c - a) / (a * step);
+    float gx = (mean_log(p, x + REACH, y, r) - mean_log(p, x - REACH, y, r)) / across;
+    float gy = (mean_log(p, x, y + REACH, r) - mean_log(p, x, y - REACH, r)) / across;
     float n = 1 / sqrtf(1 + gx * gx + gy * gy), s = (1.1f - 0.45f * gx - 0.75f * gy) * n;
     s = s < 0.35f ? 0.35f : s > 1.25f ? 1.25f : s;
     return 0.45f + 0.55f * s;
@@ -143,8 +161,7 @@ static void pixel(const struct twin_picture *p, enum twin_picture_style style, i
     }
     if (style == TWIN_PICTURE_STYLE_RANGE) {
         range_rgb(logf(p->range_m[at] / scale[0]) / logf(scale[1] / scale[0]), out);
-        float s = shade(p, at, source_of(p, (x + 2) % p->width_px, y),
-                        source_of(p, x, y + 2 < p->height_px ? y + 2 : y));
+        float s = shade(p, at);
         for (int k = 0; k < 3; k++) {
             float v = (float)out[k] * s;
             out[k] = (uint8_t)(v > 255 ? 255 : v);

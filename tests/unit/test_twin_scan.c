@@ -148,6 +148,12 @@ static void a_scan_fills_a_site_whose_samples_are_where_they_were_measured(void 
     assert_true(llabs(all.samples - (int64_t)r->out[0].samples) <= HEAD_PACKET_MAX_SAMPLES);
     assert_int_equal(r->out[0].frames, 3);
     assert_true(fabs(r->out[0].mirror_hz - 4) < 0.1);
+    size_t size = 0;
+    uint8_t *events = stream_of(r, "index", &size);
+    assert_true(size >= 28 * 20);
+    for (size_t i = 28 * 10; i < 28 * 20; i++) /* in the sweep the head is level */
+        assert_true(i % 28 < 20 || i % 28 >= 24 || events[i] == 0);
+    free(events);
     end(r);
 }
 
