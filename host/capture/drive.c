@@ -306,7 +306,8 @@ static void listen(struct drive *d) {
         d->head_packets = counts.head.packets;
         d->head_heard_ns = d->now_ns;
     }
-    if (d->now_ns - d->head_heard_ns < MS(HEAD_SILENCE_MS))
+    if (d->now_ns - d->head_heard_ns < MS(HEAD_SILENCE_MS) ||
+        d->now_ns - d->answered_ns > MS(2 * STATUS_MS)) /* a silent controller may be why */
         return;
     char text[200];
     if (counts.head_version_seen)
@@ -492,7 +493,9 @@ static void expose(struct drive *d) {
 
 static void park(struct drive *d) {
     struct errctx err = {0};
-    if (command(d, ops(d)->enable(motor(d), false, &err), &err)) {
+    if (d->step == 0) {
+        (void)command(d, ops(d)->enable(motor(d), false, &err), &err);
+    } else if (d->has_status) {
         poll_events(d);
         enter(d, DRIVE_DONE);
     }

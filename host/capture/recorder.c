@@ -2,8 +2,8 @@
 
 #include "base/clock.h"
 #include "base/ring.h"
+#include "capture/event_wire.h"
 #include "capture/tape.h"
-#include "firmware/shared/idxevent.h"
 #include "site/custody.h"
 #include "site/files.h"
 #include "site/stream.h"
@@ -255,49 +255,10 @@ static void meet_before(struct recorder *r, const struct head_packet *packet, in
 
 /* ---- events, edges, pairs ---- */
 
-static uint16_t wire_flags(const struct index_event *e) {
-    static const struct {
-        unsigned host, wire;
-    } pairs[] = {{INDEX_EVENT_PAN_MOVING, IDXEVENT_PAN_MOVING},
-                 {INDEX_EVENT_TILT_MOVING, IDXEVENT_TILT_MOVING},
-                 {INDEX_EVENT_PAN_HOMED, IDXEVENT_PAN_HOMED},
-                 {INDEX_EVENT_TILT_HOMED, IDXEVENT_TILT_HOMED},
-                 {INDEX_EVENT_PAN_POSITIVE, IDXEVENT_PAN_POSITIVE},
-                 {INDEX_EVENT_PAN_TAKEN_UP, IDXEVENT_PAN_TAKEN_UP},
-                 {INDEX_EVENT_LASER, IDXEVENT_LASER},
-                 {INDEX_EVENT_SWEEP, IDXEVENT_SWEEP},
-                 {INDEX_EVENT_MIRROR_OK, IDXEVENT_MIRROR_OK},
-                 {INDEX_EVENT_AFTER_MISSED, IDXEVENT_AFTER_MISSED},
-                 {INDEX_EVENT_OVERRUN, IDXEVENT_OVERRUN}};
-    unsigned flags = e->kind & IDXEVENT_KIND;
-    for (size_t i = 0; i < sizeof pairs / sizeof pairs[0]; i++)
-        flags |= e->flags & pairs[i].host ? pairs[i].wire : 0u;
-    return (uint16_t)flags;
-}
-
-/* The record as the controller's window had it: nothing was rounded on the way. */
-static void encode_event(const struct index_event *e, uint8_t out[2 * IDXEVENT_WORDS]) {
-    bool positive = (e->flags & INDEX_EVENT_PAN_POSITIVE) != 0;
-    double whole = positive ? floor(e->pan_steps) : ceil(e->pan_steps);
-    struct idxevent wire = {.seq = (uint32_t)e->seq,
-                            .time_us = (uint64_t)(e->t_ns / 1000),
-                            .revolution = (uint32_t)e->revolution,
-                            .pan_steps = (int32_t)whole,
-                            .tilt_steps = e->tilt_steps,
-                            .pan_phase = (uint16_t)lrint(fabs(e->pan_steps - whole) * 65536),
-                            .flags = wire_flags(e)};
-    uint16_t words[IDXEVENT_WORDS];
-    idxevent_encode(&wire, words);
-    for (int i = 0; i < IDXEVENT_WORDS; i++) { /* as on the line: high byte first */
-        out[2 * i] = (uint8_t)(words[i] >> 8);
-        out[2 * i + 1] = (uint8_t)words[i];
-    }
-}
-
 static enum st drain_events(struct recorder *r) {
     struct event_item item;
     enum st st = ST_OK;
-    while (!st && r->index.cut + 2 * IDXEVENT_WORDS <= r->index.capacity &&
+    while (!st && r->index.cut + EVENT_WIRE_BYTES <= r->index.capacity &&
            r->index.chunks < TAPE_CHUNKS && ring_pop(&r->events, &item, 1) == 1) {
         bool restarted = !r->counts.index_events || item.event.seq < r->next_event;
         if (restarted) /* the first one, or the controller began anew */
@@ -307,8 +268,8 @@ static enum st drain_events(struct recorder *r) {
             r->counts.index_lost += (uint64_t)(number - r->index.next_item);
             st = tape_miss(&r->index, r->index.next_item, number, item.t_host_ns, "overwritten");
         }
-        uint8_t bytes[2 * IDXEVENT_WORDS];
-        encode_event(&item.event, bytes);
+        uint8_t bytes[EVENT_WIRE_BYTES];
+        event_wire_encode(&item.event, bytes);
         (void)tape_put(&r->index, bytes, sizeof bytes, number, item.t_host_ns);
         r->next_event = item.event.seq + 1;
         r->counts.index_events++;

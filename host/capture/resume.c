@@ -1,7 +1,7 @@
 #include "capture/resume.h"
 
+#include "capture/event_wire.h"
 #include "capture/scan_plan_json.h"
-#include "firmware/shared/idxevent.h"
 #include "site/frame_row.h"
 #include "site/stream.h"
 
@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PAGE = 16, EVENT_BYTES = 2 * IDXEVENT_WORDS };
+enum { PAGE = 16 };
 
 static const double overlap_turns = 2;   /* the rest begins that much before the first gap */
 static const double end_turns = 1.75;    /* what may be missing at either end, see below */
@@ -39,39 +39,28 @@ void resume_next_device(const struct resume *resume, char out_name[SITE_NAME_MAX
         (void)snprintf(out_name, SITE_NAME_MAX, "%.50s.%u", resume->device, resume->sessions + 1);
 }
 
-static double pan_of(const struct idxevent *e) {
-    double part = e->pan_phase / 65536.0;
-    return e->pan_steps + (e->flags & IDXEVENT_PAN_POSITIVE ? part : -part);
-}
-
-static struct idxevent event_at(const uint8_t *bytes) {
-    uint16_t words[IDXEVENT_WORDS];
-    for (int i = 0; i < IDXEVENT_WORDS; i++)
-        words[i] = (uint16_t)(bytes[2 * i] << 8 | bytes[2 * i + 1]);
-    return idxevent_decode(words);
-}
-
 /* Spans between the events of one session, none later than the head's last packet. */
 static enum st cover(struct site *site, const struct stream *index, int64_t head_end_ns,
                      struct resume *r, struct errctx *err) {
     struct stream_reader *reader = NULL;
     struct stream_chunk chunk;
-    struct idxevent before = {0};
+    struct index_event before = {0};
+    const unsigned swept = INDEX_EVENT_SWEEP | INDEX_EVENT_LASER;
     double most = (missed_pulses + 1.5) * r->plan.steps_per_revolution;
     enum st st = stream_reader_open(site, index->id, 0, &reader, err);
     while (!st) {
         st = stream_reader_next(reader, &chunk, err);
-        size_t count = st ? 0 : chunk.size_bytes / EVENT_BYTES;
+        size_t count = st ? 0 : chunk.size_bytes / EVENT_WIRE_BYTES;
         const uint8_t *bytes = st ? NULL : chunk.payload;
-        uint64_t last_us = count ? event_at(bytes + (count - 1) * EVENT_BYTES).time_us : 0;
-        for (size_t i = 0; i < count; i++) {
-            struct idxevent e = event_at(bytes + i * EVENT_BYTES);
-            int64_t t_ns = chunk.t_last_ns - (int64_t)(last_us - e.time_us) * 1000;
-            bool good = (e.flags & IDXEVENT_KIND) == IDXEVENT_INDEX && (e.flags & IDXEVENT_SWEEP) &&
-                        (e.flags & IDXEVENT_LASER) && t_ns <= head_end_ns + late_ns;
-            if (!good)
+        int64_t last_ns =
+            count ? event_wire_decode(bytes + (count - 1) * EVENT_WIRE_BYTES).t_ns : 0;
+        for (size_t i = 0; i < count && !st; i++) {
+            struct index_event e = event_wire_decode(bytes + i * EVENT_WIRE_BYTES);
+            int64_t t_ns = chunk.t_last_ns - (last_ns - e.t_ns);
+            if (e.kind != INDEX_EVENT_INDEX || (e.flags & swept) != swept ||
+                t_ns > head_end_ns + late_ns)
                 continue;
-            struct resume_span span = {pan_of(&before), pan_of(&e)};
+            struct resume_span span = {before.pan_steps, e.pan_steps};
             double way = span.to_steps - span.from_steps;
             if (before.flags && e.revolution - before.revolution <= missed_pulses + 1 && way >= 0 &&
                 way <= most && !resume_add_span(r->span, &r->spans, RESUME_MAX_SPANS, span, 1e-6))
