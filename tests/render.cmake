@@ -1,6 +1,8 @@
 # tests of render; the label gl: they draw with OpenGL ES where there is one, else they say SKIP
 scancart_test(prop_render_agree SOURCES prop/prop_render_agree.c support/render_scenes.c support/room.c
   DEPS sc_render sc_raster sc_base LABELS "prop;gl" TIMEOUT 240)
+scancart_test(prop_render_overlap SOURCES prop/prop_render_overlap.c support/room.c
+  DEPS sc_render sc_raster sc_base LABELS "prop;gl")
 scancart_test(test_view_measure SOURCES unit/test_view_measure.c support/room.c
   DEPS sc_render sc_raster sc_base LABELS "unit;gl")
 scancart_script_test(view_window COMMAND tests/e2e/view_window.py LABELS "e2e" TIMEOUT 240)

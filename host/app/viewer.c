@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "base/fileio.h"
+#include "render/render_blend.h"
 
 #include <math.h>
 #include <stdarg.h>
@@ -176,9 +177,12 @@ static enum st draw_scene(struct viewer *v, struct renderer *renderer,
     if (st)
         return st;
     struct render_frame frame = {v->items, v->item_count, view, &options};
-    st = render_draw(renderer, &frame, target, &v->render_stats, err);
+    enum st (*draw)(struct renderer *, const struct render_frame *, const struct raster_target *,
+                    struct render_stats *, struct errctx *) =
+        v->blend == VIEWER_BLEND_WEIGHTED ? render_blend_draw : render_draw;
+    st = draw(renderer, &frame, target, &v->render_stats, err);
     if (st == ST_DEVICE) /* the context was lost: the next call has a new one */
-        st = render_draw(renderer, &frame, target, &v->render_stats, err);
+        st = draw(renderer, &frame, target, &v->render_stats, err);
     return st;
 }
 
@@ -424,6 +428,7 @@ static void act_shown(struct viewer *v, enum viewer_action action) {
     static const char *const unknown[] = {"shown", "hidden", "alone"};
     static const char *const primitives[] = {"chosen by error", "points", "splats", "mesh",
                                              "planes and mesh"};
+    static const char *const blends[] = {"the best sampled", "the nearest", "all, weighted"};
     if (action == VIEWER_LAYER) {
         v->quality.layer = (enum view_layer)(((int)v->quality.layer + 1) % VIEW_LAYERS);
         viewer_say(v, "layer: %s", view_layer_name(v->quality.layer));
@@ -434,9 +439,8 @@ static void act_shown(struct viewer *v, enum viewer_action action) {
         v->quality.primitive = (enum view_primitive)(((int)v->quality.primitive + 1) % 5);
         viewer_say(v, "drawn as: %s", primitives[v->quality.primitive]);
     } else if (action == VIEWER_BLEND) {
-        v->blend = v->blend == VIEWER_BLEND_BEST ? VIEWER_BLEND_NEAREST : VIEWER_BLEND_BEST;
-        viewer_say(v, "where photographs overlap: %s",
-                   v->blend == VIEWER_BLEND_BEST ? "the best sampled" : "the nearest");
+        v->blend = (enum viewer_blend)(((int)v->blend + 1) % 3);
+        viewer_say(v, "where photographs overlap: %s", blends[v->blend]);
     } else if (action == VIEWER_THEME) {
         v->options.day = !v->options.day;
     } else if (action == VIEWER_OVERLAY) {

@@ -14,7 +14,7 @@
 enum { VIEWER_POINTS_MAX = 64, VIEWER_TITLE_MAX = 96, VIEWER_ROWS = 4 };
 
 enum viewer_unknown { VIEWER_UNKNOWN_SHOW, VIEWER_UNKNOWN_HIDE, VIEWER_UNKNOWN_ONLY };
-enum viewer_blend { VIEWER_BLEND_BEST, VIEWER_BLEND_NEAREST };
+enum viewer_blend { VIEWER_BLEND_BEST, VIEWER_BLEND_NEAREST, VIEWER_BLEND_WEIGHTED };
 
 /* What a button or a key does. */
 enum viewer_action {

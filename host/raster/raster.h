@@ -147,6 +147,10 @@ struct raster_options {
  * both faces, background 0. */
 struct raster_options raster_options_default(void);
 
+/* With push-back, a splat also goes back by this share of its fall-off: what it is wrong by itself.
+ */
+#define RASTER_SPLAT_RIM 0.2f
+
 /* ---- where to ---- */
 
 /* Planes of [height][width], tightly packed, row by row; the caller owns them and leaves NULL what

@@ -97,16 +97,18 @@ KERNEL void row_project(const struct row_form *f, const float *disparity, int32_
 }
 
 /* Takes the confidence push-back off the depths (section 5.3). sigma(depth) = sigma(delta) / w^2.
- */
+ * A splat's own depth is wrong by up to its fall-off, whatever its sensor's noise: a share of that
+ * goes back, too, or the middle of a coarse splat would stand before the rims of dense ones. */
 KERNEL void row_push(const struct frame *frame, const struct row_form *form,
                      const uint8_t *confidence, const float *disparity, int32_t n,
                      struct row *row) {
+    float rim = form->points ? 0.0f : RASTER_SPLAT_RIM;
     for (int32_t j = 0; j < n; j++) {
         float w = form->w0 + form->wu * (float)j + form->wd * disparity[j];
         float inv2 = 1.0f / (w * w);
         float octaves = area_octaves(form->lin_px * form->lin_px * inv2);
         float push = form->push_gain * frame->sigma_per_m[confidence[j]] * inv2 * octaves;
-        float top = row->depth[j] - push;
+        float top = row->depth[j] - push - rim * row->fall[j] * row->r_px[j] * row->r_px[j];
         row->top[j] = top > 0.0f ? top : 0.0f;
     }
 }

@@ -65,7 +65,11 @@ void gles_compute_image(struct gles_compute *c) {
     for (GLuint i = 0; i < 2; i++)
         gl->BindImageTexture(i, c->images[i], 0, GL_FALSE, 0, GL_WRITE_ONLY, GL_R32UI);
     int64_t pixels = (int64_t)c->width_px * c->height_px;
-    gl->DispatchCompute((GLuint)((pixels + GROUP - 1) / GROUP), 1, 1);
+    /* In rows of groups: 65535 each way is what every GPU can do. */
+    enum { ROW = 16384 };
+    int64_t groups = (pixels + GROUP - 1) / GROUP;
+    gl->DispatchCompute((GLuint)(groups < ROW ? groups : ROW), (GLuint)((groups + ROW - 1) / ROW),
+                        1);
     gl->MemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT | GL_SHADER_STORAGE_BARRIER_BIT);
 }
 

@@ -61,9 +61,10 @@ static const char sample_part[] =
     "  vec4 colour = texelFetch(u_colour, at, 0);\n"
     "  o.rgb = colour.rgb;\n"
     "  o.top = depth;\n"
-    "  if (u_push.x > 0.0) o.top = max(depth - push_back(colour.a, inv_w, tiles[tile].scale.y), "
-    "0.0);\n"
     "  o.fall = (u_bounds.z * depth + u_bounds.w) / o.r;\n"
+    "  float rim = point ? 0.0 : 0.2 * o.fall * o.r * o.r;\n" /* RASTER_SPLAT_RIM */
+    "  if (u_push.x > 0.0)\n"
+    "    o.top = max(depth - push_back(colour.a, inv_w, tiles[tile].scale.y) - rim, 0.0);\n"
     "  return true;\n"
     "}\n";
 
@@ -305,7 +306,8 @@ const char *const gles_shaders_compute_image[GLES_SHADERS_PARTS] = {
                 "layout(r32ui, binding = 1) writeonly uniform highp uimage2D u_colour_image;\n"
                 "uniform ivec2 u_size;\n"
                 "void main() {\n"
-                "  int at = int(gl_GlobalInvocationID.x);\n"
+                "  int at = int(gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * "
+                "gl_NumWorkGroups.x * 64u);\n"
                 "  if (at >= u_size.x * u_size.y) return;\n"
                 "  ivec2 px = ivec2(at % u_size.x, at / u_size.x);\n"
                 "  imageStore(u_depth_image, px, uvec4(depths[at]));\n"

@@ -4,7 +4,8 @@
 
 enum {
     GLES_SHADERS_TILES = 128, /* in one uniform block: 112 bytes each, of the 16 KB there must be */
-    GLES_SHADERS_TILES_COMPUTE = 4096, /* in one storage buffer */
+    GLES_SHADERS_TILES_COMPUTE = 4064, /* in one storage buffer: 65024 groups, of the 65535 there
+                                          must be */
     GLES_SHADERS_PARTS = 6,
     GLES_SHADERS_GROUP = 64 /* samples of a compute work group */
 };
