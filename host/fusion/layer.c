@@ -35,7 +35,7 @@ struct layer_scratch {
 struct layer_params layer_params_default(void) {
     struct layer_params params = {.splat_px = 1.0,
                                   .cluster_sigmas = 3.0,
-                                  .grazing_rad = 75.0 * rad_per_deg,
+                                  .grazing_rad = 68.0 * rad_per_deg,
                                   .sigma_default_m = 0.005,
                                   .sigma_floor_m = 1e-4,
                                   .intensity_scale = 1.0};

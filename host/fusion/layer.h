@@ -31,7 +31,8 @@ struct layer_params {
 };
 enum { LAYER_MAX_SPLAT_PX = 16 };
 
-/* splat 1, 3 sigmas, 75 degrees, 5 mm, 0.1 mm, 1. */
+/* splat 1, 3 sigmas, 68 degrees (steeper surfaces are joined once their gradient is known), 5 mm,
+ * 0.1 mm, 1. */
 struct layer_params layer_params_default(void);
 
 struct layer_image {

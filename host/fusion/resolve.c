@@ -301,7 +301,7 @@ static int directions_supported(const struct work *w, int32_t x, int32_t y) {
     static const int32_t directions[8][2] = {{1, 0},  {1, 1},   {0, 1},  {-1, 1},
                                              {-1, 0}, {-1, -1}, {0, -1}, {1, -1}};
     const struct candidate *me = neighbour(w, x, y);
-    float bend = 0.1f * w->rule.slope_per_px * me->disparity_per_m * (float)w->strip;
+    float bend = 0.03f * w->rule.slope_per_px * me->disparity_per_m * (float)w->strip;
     int supported = 0;
     for (int k = 0; k < 8; k++) {
         int32_t dx = directions[k][0] * w->strip, dy = directions[k][1] * w->strip;
