@@ -18,6 +18,9 @@ target_include_directories(test_lines_gpiod_v2 BEFORE PRIVATE support/gpiod2)
 scancart_test(test_head_usb SOURCES unit/test_head_usb.c support/head_sim.c
   DEPS sc_capture PkgConfig::UMOCKDEV LABELS unit)
 
+# A recording: captured again, it gives the same bytes. (fake_cart is in capture.cmake.)
+scancart_test(test_replay SOURCES unit/test_replay.c DEPS fake_cart sc_capture sc_site LABELS unit)
+
 # A Linux machine in QEMU with real kernel devices; see tests/e2e/vm_capture.py.
 add_executable(vm_head support/vm_head.c)
 target_link_libraries(vm_head PRIVATE sc_base)

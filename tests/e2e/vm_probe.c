@@ -3,6 +3,7 @@
  * vm_probe take BOARD SECONDS          opens all that the board has and takes data from each
  * vm_probe refuse BOARD STATUS WORD [BOARD STATUS WORD ...]
  *                                      opening must fail with that status, the text hold the word
+ * vm_probe save BOARD                  stores the commissioning values of a new controller
  * vm_probe version BOARD               the head's first packets must be refused
  * vm_probe unplug BOARD head|lines COMMAND   the device must be said to be gone, within 5 s */
 #include "base/clock.h"
@@ -197,6 +198,17 @@ static int watch(const struct board_config *board, bool head, const char *comman
     return bad;
 }
 
+static int save(const struct board_config *board) {
+    struct errctx err = {0};
+    struct board_open *open = NULL;
+    if (board_open(board, NULL, &open, &err))
+        return complain("open", &err);
+    struct motor *motor = board_open_cart(open).motor;
+    enum st st = motor->ops->save(motor, &err);
+    board_open_close(open);
+    return st ? complain("save", &err) : 0;
+}
+
 int main(int argc, char **argv) {
     struct errctx err = {0};
     struct board_config *board = NULL;
@@ -212,6 +224,8 @@ int main(int argc, char **argv) {
             bad += refuse(argv[i], argv[i + 1], argv[i + 2]);
     } else if (!strcmp(what, "take") && argc == 4)
         bad = take(board, strtod(argv[3], NULL));
+    else if (!strcmp(what, "save"))
+        bad = save(board);
     else if (!strcmp(what, "version"))
         bad = watch(board, true, NULL, ST_UNSUPPORTED);
     else if (!strcmp(what, "unplug") && argc == 5)

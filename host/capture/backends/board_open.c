@@ -5,12 +5,14 @@
 #include "capture/backends/head_usb.h"
 #include "capture/backends/lines_gpiod.h"
 #include "capture/backends/motor_modbus.h"
+#include "capture/backends/replay.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 struct board_open {
     struct cart_devices cart;
+    struct replay *replay; /* NULL: real devices */
 };
 
 static enum st open_motor(const struct board_controller *at, struct board_open *board,
@@ -76,6 +78,25 @@ static enum st open_real(const struct board_config *config,
     return st;
 }
 
+/* Lines and camera are left out where the recording has none. */
+static enum st open_replay(const struct board_replay *at, const struct board_open_options *options,
+                           struct board_open *board, struct errctx *err) {
+    enum st st = replay_open(at->site, at->station, at->real_time, &board->replay, err);
+    if (st)
+        return st;
+    board->cart.hosttime = &board->replay->hosttime;
+    st = motor_replay_open(board->replay, &board->cart.motor, err);
+    if (!st)
+        st = head_replay_open(board->replay, &board->cart.head, err);
+    if (!st && !options->no_lines)
+        st = lines_replay_open(board->replay, &board->cart.lines, err);
+    if (st == ST_NOT_FOUND && board->cart.head)
+        st = ST_OK;
+    if (!st && !options->no_camera)
+        st = camera_replay_open(board->replay, &board->cart.camera, err);
+    return st == ST_NOT_FOUND && board->cart.head ? ST_OK : st;
+}
+
 enum st board_open(const struct board_config *config, const struct board_open_options *options,
                    struct board_open **out_board, struct errctx *err) {
     static const struct board_open_options all = {false, false};
@@ -85,7 +106,9 @@ enum st board_open(const struct board_config *config, const struct board_open_op
     struct board_open *board = calloc(1, sizeof *board);
     if (!board)
         return errctx_set(err, ST_NOMEM, "no memory for the board");
-    enum st st = open_real(config, options ? options : &all, board, err);
+    options = options ? options : &all;
+    enum st st = config->replay ? open_replay(config->replay, options, board, err)
+                                : open_real(config, options, board, err);
     if (st)
         board_open_close(board);
     else
@@ -104,5 +127,6 @@ void board_open_close(struct board_open *board) {
     lines_close(board->cart.lines);
     head_close(board->cart.head);
     motor_close(board->cart.motor);
+    replay_close(board->replay);
     free(board);
 }

@@ -16,8 +16,9 @@
 
 enum { BUFFERS = 4, BUFFERS_MIN = 2, NO_BUFFER = -1 };
 
-#define SOE_SIGMA_NS 3e5 /* a start of exposure stamped by a USB driver: one 1 ms frame, uniform   \
-                          */
+#define SOE_SIGMA_NS                                                                               \
+    3e5 /* a start of exposure stamped by a USB driver: one 1 ms frame, uniform                    \
+         */
 #define UNIFORM 0.288675134594812882 /* 1 / sqrt(12) */
 
 struct camera_v4l2 {
