@@ -163,7 +163,11 @@ enum st site_db_make_folder(struct site *site, struct site_db_new *out_made, str
 
 enum st site_db_publish(struct site *site, struct errctx *err) {
     char from[FILEIO_PATH_MAX], to[FILEIO_PATH_MAX], parent[FILEIO_PATH_MAX];
-    enum st st = fileio_join(site->path, SITE_DB_NEW, from, err);
+    enum st st = fileio_join(site->path, SITE_DB_NEW "-wal", from, err);
+    if (!st && fileio_exists(from)) /* closing folds the log in, and does not say if it could not */
+        st = errctx_set(err, ST_IO, "%s: the disk refused to take the new site", site->path);
+    if (!st)
+        st = fileio_join(site->path, SITE_DB_NEW, from, err);
     if (!st)
         st = fileio_join(site->path, "site.db", to, err);
     if (!st)
