@@ -204,6 +204,8 @@ static enum st head_pump(struct head *head, unsigned timeout_ms, const struct he
     if (c->size && sink)
         sink->bytes(sink->ctx, c->bytes, c->size, now_ns(c));
     c->size = 0;
+    if (c->spec.handed_over)
+        *c->spec.handed_over = c->packets;
     return ST_OK;
 }
 

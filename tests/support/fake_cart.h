@@ -22,6 +22,7 @@ struct fake_cart_spec {
     int64_t head_t_ns;
     unsigned head_version; /* that it claims; 0: the known one */
     bool no_lines, no_camera;
+    _Atomic uint64_t *handed_over; /* told how many packets the sink has got; NULL: nobody */
 };
 
 struct fake_cart *fake_cart_open(const struct fake_cart_spec *spec); /* NULL: out of memory */

@@ -21,7 +21,7 @@ static const double sample_hz = 200000;
 
 /* ---- what must not be called on the real-time path ---- */
 
-static _Thread_local int inside;
+static _Thread_local volatile int inside; /* volatile: malloc() reads it */
 static atomic_int forbidden; /* calls inside */
 static atomic_int watched;   /* hand-overs */
 
