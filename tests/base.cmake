@@ -22,3 +22,10 @@ scancart_test(test_nominal_rig SOURCES unit/test_nominal_rig.c DEPS sc_base LABE
 scancart_test(test_cart_clock SOURCES unit/test_cart_clock.c support/clock_world.c support/clock_runs.c
   DEPS sc_base LABELS unit)
 target_include_directories(test_cart_clock PRIVATE support)
+scancart_test(prop_clocks SOURCES prop/prop_clocks.c support/clock_world.c support/clock_runs.c
+  DEPS sc_base LABELS prop TIMEOUT 120)
+scancart_test(prop_clocks_twin SOURCES prop/prop_clocks_twin.c support/clock_runs.c
+  support/clock_world.c DEPS sc_twin LABELS prop TIMEOUT 180)
+foreach(name prop_clocks prop_clocks_twin)
+  target_include_directories(${name} PRIVATE support)
+endforeach()

@@ -10,8 +10,9 @@ static const double gate = 6;             /* sigmas beyond which a pair is not b
 static const double gate_floor_ns = 3000; /* and never less than this */
 static const double near_turn = 1.0 / 8;  /* an event belongs to a pass within so much of a turn */
 static const double near_edge_turn = 1.0 / 3, near_edge_ns = 3e7;
-static const unsigned steps_in_a_row = 3; /* pairs that are off alike: something moved */
-static const uint64_t warm_pairs = 10;    /* residuals count from then on */
+static const unsigned steps_in_a_row = 3;     /* pairs that are off alike: something moved */
+static const double half_latch = 0.5 / 65536; /* steps: the part of a step is truncated to this */
+static const uint64_t warm_pairs = 10;        /* residuals count from then on */
 static const uint64_t bias_turns = 40; /* over so many turns what is common is told from chance */
 static const unsigned most_lock = 32;  /* passes and events that the search looks at */
 
@@ -124,6 +125,21 @@ static double common_ns(const struct cart_clock *c) {
     return hypot(c->shift_sigma_ns, c->bias_ns);
 }
 
+/* The noise of logged positions, from the last ones; in a sweep, from those of the sweep. */
+static void measure_noise(struct cart_clock *c) {
+    enum { WINDOW = 16 };
+    if (c->knots < WINDOW || c->knots % WINDOW)
+        return;
+    const struct sweep_index *window = c->knot + c->knots - WINDOW;
+    double noise = pan_curve_noise(window, WINDOW);
+    bool sweeps = window[0].sweep && window[WINDOW - 1].sweep;
+    if (noise < 0 || (c->noise_of_sweep && !sweeps))
+        return;
+    bool anew = !c->noise_at++ || sweeps != c->noise_of_sweep;
+    c->noise_steps = anew ? noise : 0.8 * c->noise_steps + 0.2 * noise;
+    c->noise_of_sweep = sweeps;
+}
+
 /* Keeps the newest half when full; places among them are searched by time. */
 static void add_knot(struct cart_clock *c, const struct cart_clock_event *event) {
     if (c->knots == CART_CLOCK_KNOTS) {
@@ -145,11 +161,7 @@ static void add_knot(struct cart_clock *c, const struct cart_clock_event *event)
     }
     knot_slips(c, k);
     c->knots++;
-    if (c->knots >= 16 && c->knots % 16 == 0) {
-        double noise = pan_curve_noise(c->knot + c->knots - 16, 16);
-        if (noise >= 0)
-            c->noise_steps = c->noise_at++ ? 0.8 * c->noise_steps + 0.2 * noise : noise;
-    }
+    measure_noise(c);
 }
 
 /* ---- host: edges ---- */
@@ -497,14 +509,16 @@ struct sweep_index cart_clock_index(const struct index_event *event, uint32_t lo
     const struct index_event *e = event;
     bool positive = (e->flags & INDEX_EVENT_PAN_POSITIVE) != 0;
     bool taken_up = (e->flags & INDEX_EVENT_PAN_TAKEN_UP) != 0;
+    bool moving = (e->flags & INDEX_EVENT_PAN_MOVING) != 0;
+    double latch = !moving ? 0 : positive ? half_latch : -half_latch; /* what truncation took */
     return (struct sweep_index){.revolution = (uint32_t)e->revolution,
-                                .pan_steps = e->pan_steps,
+                                .pan_steps = e->pan_steps + latch,
                                 .tilt_steps = (double)e->tilt_steps,
                                 .pan_direction = (int8_t)(!taken_up  ? 0
                                                           : positive ? 1
                                                                      : -1),
                                 .sweep = (e->flags & INDEX_EVENT_SWEEP) != 0,
-                                .pan_moving = (e->flags & INDEX_EVENT_PAN_MOVING) != 0,
+                                .pan_moving = moving,
                                 .tilt_moving = (e->flags & INDEX_EVENT_TILT_MOVING) != 0,
                                 .log = log,
                                 .t_controller_ns = e->t_ns};

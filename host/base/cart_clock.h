@@ -167,6 +167,7 @@ struct cart_clock {
     size_t knots;
     double noise_steps;
     size_t noise_at;
+    bool noise_of_sweep;
 };
 
 void cart_clock_init(struct cart_clock *clock, const struct cart_clock_params *params);

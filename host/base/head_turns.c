@@ -8,10 +8,10 @@ static const double count_u = 1048576.0;   /* 2^20 */
 static const int64_t nearest_ns = 16000;   /* samples nearer to each other say nothing new */
 static const int32_t repeats = 64;         /* packets back that may come a second time */
 static const int64_t longest_gap_ns = 5000000000;
-static const double widest_gap_turns = 0.6, blind_ns = 2e7;
-/* Of the way that a change of speed makes over a gap, what a cubic may get wrong: a mirror that is
- * uneven once a turn, looked at over three quarters of it (0.007), and some more. */
-static const double bend_share = 0.012;
+static const double widest_gap_turns = 0.6;
+/* Of the square of the relative speed, a second, until it has been measured: 0.3 % within 0.7 s. */
+static const double usual_unrest = 2.6e-5;
+static const double least_noise_counts = 0.003;
 static const double slip_least_counts = 0.75;
 
 enum {
@@ -23,6 +23,7 @@ enum {
 
 void head_turns_init(struct head_turns *turns) {
     memset(turns, 0, sizeof *turns);
+    turns->unrest = usual_unrest;
 }
 
 /* ---- epochs ---- */
@@ -108,7 +109,7 @@ static unsigned slot(const struct head_turns *s, unsigned back) {
 /* A line through `count` of the last samples, `skip` newest ones left out: u = mean_u + rate (t -
  * mean_t), relative to sample `skip`. */
 struct line {
-    double mean_t, mean_u, rate, rms_u; /* ns, u */
+    double mean_t, mean_u, rate, rms_u, rate_sigma; /* ns, u */
     int64_t t0_ns, u0;
 };
 
@@ -128,6 +129,7 @@ static struct line line_of(const struct head_turns *s, unsigned skip, unsigned c
     }
     l.rate = stt > 0 ? stu / stt : 0;
     l.rms_u = count > 2 ? sqrt(fmax(suu - l.rate * stu, 0) / (n - 2)) : 0;
+    l.rate_sigma = stt > 0 ? l.rms_u / sqrt(stt) : 0;
     return l;
 }
 
@@ -137,8 +139,28 @@ static void pass_among(struct head_turns *s, unsigned skip, unsigned count, int6
     if (!(l.rate > 0))
         return;
     double t_ns = l.mean_t + ((double)(zero_u - l.u0) - l.mean_u) / l.rate;
-    double sigma = fmax(l.rms_u, 0.003 * count_u) / l.rate / sqrt((double)count);
+    double sigma = fmax(l.rms_u, least_noise_counts * count_u) / l.rate / sqrt((double)count);
     found(s, t_ns, l.t0_ns, zero_u, fmax(sigma, 20), l.rate, 0);
+}
+
+/* What a cubic may get wrong, of the time that a change of speed makes over a gap of so many turns:
+ * the error of a Hermite cubic over a mirror that is uneven once a turn, and of the speeds beside
+ * the gap. */
+static double bend_share(double turns) {
+    double quarters = 4 * turns;
+    return quarters * (0.005 + 0.007 * quarters);
+}
+
+/* The speed walks at random: the square of its relative change a second, from how it changed over
+ * the gaps before; what changes in every gap alike is no chance. The error in the middle of a gap
+ * that is bridged by a cubic has the variance unrest / 192 span^3. */
+static void note_unrest(struct head_turns *s, double change, double span_s) {
+    const double part = 0.05, most = 4;
+    double off = change - s->change, limit = sqrt(most * s->unrest * span_s);
+    off = fmin(fmax(off, -limit), limit); /* a mirror that starts or stops is no measure */
+    s->change += part * off;
+    s->unrest +=
+        part * (1.3 * off * off / span_s - s->unrest); /* 1.3: what is cut off at two sigmas */
 }
 
 /* Passes between the last sample before a gap and the first after it: cubic Hermite in time. */
@@ -154,7 +176,9 @@ static void passes_in_gap(struct head_turns *s) {
     double rate0 = s->gap_rate0[s->gap_slope];
     double bend = (after.rate - rate0) / (span_ns + lag0 + lag1);
     double r0 = (rate0 + bend * lag0) * span_ns, r1 = (after.rate - bend * lag1) * span_ns;
-    double bias = bend_share * (after.rate - rate0) * span_ns / way_u * span_ns;
+    double change = (after.rate - rate0) * span_ns / way_u; /* of the speed, over the gap */
+    double bias = bend_share(way_u / turn_u) * change * span_ns;
+    note_unrest(s, change, span_ns * 1e-9);
     s->gap_open = false;
     if (!(after.rate > 0) || r0 > 3 * way_u || r1 > 3 * way_u) /* no smooth motion */
         return;
@@ -167,9 +191,10 @@ static void passes_in_gap(struct head_turns *s) {
             double u = x * x * (3 - 2 * x) * way_u + x * y * y * r0 - x * x * y * r1;
             *(u < want ? &lo : &hi) = x;
         }
-        double sigma =
-            1000 * pow(span_ns / blind_ns, 1.5) + 0.02 * count_u / after.rate +
-            0.02 * fabs(r1 - r0) / way_u * span_ns; /* it changes its speed, who knows how */
+        double walk = sqrt(s->unrest / 192 * span_ns * 1e-9) * span_ns;
+        double ends = fmax(after.rms_u, least_noise_counts * count_u) / after.rate * sqrt(0.5);
+        double speeds = after.rate_sigma / after.rate * span_ns * sqrt(2.0) / 8;
+        double sigma = hypot(hypot(walk, ends), speeds) + fabs(bias);
         found(s, x * span_ns, s->gap_t0_ns, zero_u, sigma, way_u / span_ns, bias);
     }
 }

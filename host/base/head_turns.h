@@ -93,8 +93,9 @@ struct head_turns {
     int64_t gap_t0_ns, gap_u0, gap_step_ns;
     double gap_rate0[HEAD_TURNS_SLOPES]; /* speed before it, u a ns */
     double gap_lag_ns[HEAD_TURNS_SLOPES];
-    unsigned gap_slope; /* which of them suits its width */
-    double rate_hz;     /* usual, of the last passes */
+    unsigned gap_slope;    /* which of them suits its width */
+    double unrest, change; /* of the speed: see head_turns.c */
+    double rate_hz;        /* usual, of the last passes */
     bool slow;
     int64_t arrival_ns[HEAD_TURNS_ARRIVALS]; /* host less head time of the last packets */
     unsigned arrivals;

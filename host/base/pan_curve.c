@@ -1,12 +1,15 @@
 #include "base/pan_curve.h"
 
 #include <math.h>
+#include <stdint.h>
 #include <string.h>
 
 /* Position while standing: counted exactly; in motion latched to 1/65536 step. */
 static const double latch_steps = 1.0 / 65536 / 3.4641;
-/* Speeds of neighbouring stretches that differ by less are one speed. */
-static const double same_speed = 2e-3;
+/* Speeds of neighbouring stretches that differ by less are one speed: where their noise is to be
+ * measured, and by so many sigmas of it where it is known. */
+static const double same_speed = 2e-3, same_sigmas = 6;
+static const double tick_s = 1e-6;                 /* steps and events are timed to it */
 static const double uniform = 0.28867513459481287; /* sigma of a uniform distribution of width 1 */
 
 static double span_s(const struct sweep_index *a, const struct sweep_index *b) {
@@ -25,9 +28,13 @@ static double mean_speed(const struct sweep_index *index, size_t count, size_t i
     return (index[i + 1].pan_steps - index[i].pan_steps) / span_s(&index[i], &index[i + 1]);
 }
 
+/* Sigma of the mean speed of a stretch. */
+static double speed_noise(double speed, double noise_steps, double time_s) {
+    return 1.5 * (hypot(noise_steps, latch_steps) + fabs(speed) * tick_s) / time_s;
+}
+
 static bool same(double a, double b, double noise_steps_s) {
-    double slack = fmax(same_speed * fmax(fabs(a), fabs(b)), 6 * noise_steps_s);
-    return fabs(a - b) <= slack; /* false for NaN */
+    return fabs(a - b) <= same_sigmas * noise_steps_s; /* false for NaN */
 }
 
 /* What is known of the speed at event i: from the stretch on the far side of it, if that keeps its
@@ -41,8 +48,11 @@ static double speed_at(const struct sweep_index *index, size_t count, size_t i, 
         return (double)NAN;
     double v = mean_speed(index, count, far);
     double w = left_is_far && i < 2 ? (double)NAN : mean_speed(index, count, beyond);
-    double noise = isnan(v) ? 0 : 2 * noise_steps / span_s(&index[far], &index[far + 1]);
-    return same(v, w, noise) ? v : (double)NAN;
+    if (isnan(v) || isnan(w))
+        return (double)NAN;
+    double time_s =
+        fmin(span_s(&index[far], &index[far + 1]), span_s(&index[beyond], &index[beyond + 1]));
+    return same(v, w, speed_noise(v, noise_steps, time_s)) ? v : (double)NAN;
 }
 
 /* Speed by the parabola through three events around i. */
@@ -96,7 +106,7 @@ bool pan_curve_make(const struct sweep_index *index, size_t count, size_t i,
                           .noise_steps = params->noise_steps};
     tilt_of(a, b, &c);
     double mean = (c.p1 - c.p0) / c.span_s;
-    double noise = 2 * fmax(params->noise_steps, latch_steps) / c.span_s;
+    double noise = speed_noise(mean, params->noise_steps, c.span_s);
     c.v0 = speed_at(index, count, i, true, params->noise_steps);
     c.v1 = speed_at(index, count, i + 1, false, params->noise_steps);
     bool like_left = i && same(mean, mean_speed(index, count, i - 1), noise);
@@ -149,8 +159,11 @@ static void at_cubic(const struct pan_curve *c, double t, struct pan_curve_point
     p->pan_steps = c->p0 + off;
     p->pan_rate =
         (6 * x * y * way + (1 - 4 * x + 3 * x * x) * r0 + (3 * x * x - 2 * x) * r1) / c->span_s;
-    /* A third of what it bends from the line, and of how little the speeds fit the way. */
-    double doubt = fabs(off - x * way) / 3 + x * y * fabs(0.5 * (r0 + r1) - way) / 3;
+    /* What it bends from the line, and how little the speeds fit the way; where it started or
+     * stopped in between, nobody knows when. */
+    double doubt = fabs(off - x * way) + x * y * fabs(0.5 * (r0 + r1) - way);
+    if (c->v0 == 0 || c->v1 == 0)
+        doubt = fmax(doubt, uniform * fabs(way));
     p->pan_sigma_steps = hypot(p->pan_sigma_steps, doubt);
 }
 
@@ -174,18 +187,39 @@ struct pan_curve_point pan_curve_at(const struct pan_curve *curve, double t_s) {
     return p;
 }
 
+/* Second difference around event i where the pan keeps its speed, as the sigma of one position;
+ * negative: it does not. */
+static double position_noise(const struct sweep_index *index, size_t count, size_t i) {
+    const struct sweep_index *a = &index[i - 1], *b = &index[i], *c = &index[i + 1];
+    double left = mean_speed(index, count, i - 1), right = mean_speed(index, count, i);
+    if (!a->pan_moving || !b->pan_moving || !c->pan_moving ||
+        fabs(left - right) > same_speed * fmax(fabs(left), fabs(right)))
+        return -1;
+    double x = span_s(a, b) / span_s(a, c);
+    double off = b->pan_steps - a->pan_steps - x * (c->pan_steps - a->pan_steps);
+    return fabs(off) / sqrt(1 + x * x + (1 - x) * (1 - x));
+}
+
 double pan_curve_noise(const struct sweep_index *index, size_t count) {
-    double sum = 0;
-    size_t n = 0;
-    for (size_t i = 1; i + 1 < count; i++) {
-        const struct sweep_index *a = &index[i - 1], *b = &index[i], *c = &index[i + 1];
-        double left = mean_speed(index, count, i - 1), right = mean_speed(index, count, i);
-        if (!a->pan_moving || !b->pan_moving || !c->pan_moving || !same(left, right, 0))
-            continue;
-        double x = span_s(a, b) / span_s(a, c);
-        double off = b->pan_steps - a->pan_steps - x * (c->pan_steps - a->pan_steps);
-        sum += off * off / (1 + x * x + (1 - x) * (1 - x));
-        n++;
+    enum { OCTAVE = 16, OCTAVES = 40 }; /* 2^-30 to 2^10 steps */
+    uint32_t bins[OCTAVE * OCTAVES] = {0}, n = 0, below = 0;
+    for (int sweeps = 1; sweeps >= 0 && n < 8; sweeps--) { /* slews are quicker, and noisier */
+        memset(bins, 0, sizeof bins);
+        n = 0;
+        for (size_t i = 1; i + 1 < count; i++) {
+            double noise = sweeps && !index[i].sweep ? -1 : position_noise(index, count, i);
+            if (noise < 0)
+                continue;
+            double octave = noise > 0 ? log2(noise) + 30 : 0;
+            octave = fmin(fmax(octave, 0), OCTAVES - 0.01);
+            bins[(int)(octave * OCTAVE)]++;
+            n++;
+        }
     }
-    return n < 8 ? -1 : sqrt(sum / (double)n);
+    if (n < 8)
+        return -1;
+    int bin = 0;
+    for (; 2 * (below + bins[bin]) < n; bin++)
+        below += bins[bin];
+    return 1.4826 * exp2((bin + 0.5) / OCTAVE - 30); /* the median of a normal scatter */
 }

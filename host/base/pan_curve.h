@@ -52,8 +52,8 @@ struct pan_curve_point {
 /* At time s after the first event; clamped to the stretch. The sigma leaves out doubt about t. */
 struct pan_curve_point pan_curve_at(const struct pan_curve *curve, double t_s);
 
-/* Sigma of logged positions while the pan keeps its speed, steps, from second differences; negative
- * if there are not 8 such. */
+/* Sigma of logged positions while the pan keeps its speed (in a sweep, if there is one), steps,
+ * from the median of second differences; negative if there are not 8 such. 3 kB of stack. */
 double pan_curve_noise(const struct sweep_index *index, size_t count);
 
 #ifdef __cplusplus

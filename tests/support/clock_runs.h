@@ -23,6 +23,15 @@ struct clock_runs {
 /* Steps to mrad at 28 000 a turn. */
 double clock_runs_mrad(double steps);
 
+/* One run that is fed from outside, in order of host time. */
+struct clock_runs_feed;
+struct clock_runs_feed *clock_runs_open(bool online, const struct cart_clock_params *params,
+                                        double pan_rate_steps_s);
+struct clock_world_sink clock_runs_sink(struct clock_runs_feed *feed);
+/* Ends it; out->done is left alone. */
+void clock_runs_close(struct clock_runs_feed *feed, struct clock_runs *out);
+
+/* A whole world. */
 struct clock_runs clock_runs_online(const struct clock_world_spec *spec,
                                     const struct cart_clock_params *params);
 struct clock_runs clock_runs_offline(const struct clock_world_spec *spec,
