@@ -18,6 +18,8 @@ target_include_directories(test_lines_gpiod_v2 BEFORE PRIVATE support/gpiod2)
 scancart_test(test_head_usb SOURCES unit/test_head_usb.c support/head_sim.c
   DEPS sc_capture PkgConfig::UMOCKDEV LABELS unit)
 
+scancart_test(test_camera_backends SOURCES unit/test_camera_backends.c DEPS sc_capture LABELS unit)
+
 # A recording: captured again, it gives the same bytes. (fake_cart is in capture.cmake.)
 scancart_test(test_replay SOURCES unit/test_replay.c DEPS fake_cart sc_capture sc_site LABELS unit)
 
@@ -29,7 +31,7 @@ target_link_libraries(vm_gpio PRIVATE scancart_flags)
 add_executable(vm_probe e2e/vm_probe.c)
 target_link_libraries(vm_probe PRIVATE sc_capture)
 scancart_script_test(vm_capture COMMAND ${PYTHON_DEBIAN} ${CMAKE_CURRENT_SOURCE_DIR}/e2e/vm_capture.py
-  LABELS "e2e;qemu" TIMEOUT 300)
+  LABELS "e2e;qemu" TIMEOUT 330)
 set_tests_properties(vm_capture PROPERTIES RESOURCE_LOCK emulator)
 add_executable(bench_head_usb bench/bench_head_usb.c support/head_sim.c)
 target_link_libraries(bench_head_usb PRIVATE sc_capture PkgConfig::UMOCKDEV)
