@@ -462,6 +462,7 @@ void material_sample_at(const struct material *m, struct vec3 p, struct vec3 n, 
         out->emission[i] = m->emission[i];
     if (textures[m->texture])
         textures[m->texture](&s, out);
+    out->roughness = out->roughness < 0 ? 0 : out->roughness > 1 ? 1 : out->roughness;
     float mean = 0, own = 0;
     for (int i = 0; i < 3; i++) {
         out->rgb[i] = out->rgb[i] < 0 ? 0 : out->rgb[i] > 0.97f ? 0.97f : out->rgb[i];

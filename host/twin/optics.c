@@ -46,6 +46,7 @@ struct optics optics_ideal(void) {
 struct echo {
     double r_m, energy;
     uint16_t part;
+    struct vec3 p_m, normal;
 };
 
 struct echoes {
@@ -56,9 +57,9 @@ struct echoes {
     float cached_albedo, cached_roughness, cached_f0;
 };
 
-static void add(struct echoes *e, double r_m, double energy, uint16_t part) {
+static void add(struct echoes *e, double r_m, double energy, const struct trace_hit *hit) {
     if (e->count < MAX_ECHOES && energy > 0) {
-        struct echo one = {r_m, energy, part};
+        struct echo one = {r_m, energy, hit->part, hit->p_m, hit->normal};
         e->list[e->count++] = one;
     }
 }
@@ -97,34 +98,32 @@ static int meet(const struct scene *scene, const struct trace_hit *hit, struct v
     double fresnel = material_fresnel(f0, cos_i);
     switch (m->kind) {
     case MATERIAL_GLASS: {
-        add(e, r_m, scale * (albedo * cos_i + lobe(f0, 0.15, cos_i)), hit->part);
+        add(e, r_m, scale * (albedo * cos_i + lobe(f0, 0.15, cos_i)), hit);
         double through = (double)m->transmission_ir * (1 - fresnel);
         *w *= through * through;
         return *w > 1e-5;
     }
     case MATERIAL_METAL: {
         double rough = roughness > 0.3 ? 0.35 * albedo * cos_i : 0.02 * albedo * cos_i;
-        add(e, r_m, scale * (rough + lobe(albedo, roughness, cos_i)), hit->part);
+        add(e, r_m, scale * (rough + lobe(albedo, roughness, cos_i)), hit);
         if (roughness > 0.3)
             return 0;
         *w *= albedo * albedo * (1 - roughness);
         return *w > 1e-5 ? 2 : 0;
     }
     case MATERIAL_COATED:
-        add(e, r_m, scale * (albedo * cos_i * (1 - fresnel) + lobe(f0, roughness, cos_i)),
-            hit->part);
+        add(e, r_m, scale * (albedo * cos_i * (1 - fresnel) + lobe(f0, roughness, cos_i)), hit);
         *w *= fresnel * fresnel *
               (roughness < 0.25 ? 1 : 0); /* at grazing incidence paint is a mirror */
         return *w > 1e-3 ? 2 : 0;
     case MATERIAL_RETRO: {
         double back = cos_i > 0.3 ? (double)m->retro * (cos_i - 0.3) / 0.7 : 0;
-        add(e, r_m, scale * (albedo * cos_i + back), hit->part);
+        add(e, r_m, scale * (albedo * cos_i + back), hit);
         return 0;
     }
     case MATERIAL_MATT:
     case MATERIAL_EMITTER:
-        add(e, r_m, scale * (albedo * cos_i * (1 - fresnel) + lobe(f0, roughness, cos_i)),
-            hit->part);
+        add(e, r_m, scale * (albedo * cos_i * (1 - fresnel) + lobe(f0, roughness, cos_i)), hit);
         return 0;
     }
     return 0;
@@ -160,6 +159,14 @@ static void disc_point(int k, int n, double turn, double *x, double *y) {
     *y = r * sin(a);
 }
 
+/* Does this echo come from another surface than the strongest one? At grazing incidence one surface
+ * alone spreads over much range: then the point is in its plane. */
+static bool elsewhere(const struct echo *echo, const struct echo *strongest) {
+    const double apart_m = 0.05, off_plane_m = 0.02;
+    double off_m = vec3_dot(vec3_sub(echo->p_m, strongest->p_m), strongest->normal);
+    return fabs(echo->r_m - strongest->r_m) > apart_m && fabs(off_m) > off_plane_m;
+}
+
 /* The sum of the echoes. */
 static void combine(const struct optics *optics, const struct echoes *e, struct optics_echo *out) {
     int strongest = 0;
@@ -183,7 +190,7 @@ static void combine(const struct optics *optics, const struct echoes *e, struct 
     out->part = e->list[strongest].part;
     double apart = 0;
     for (int i = 0; i < e->count; i++)
-        if (fabs(e->list[i].r_m - reference) > 0.05)
+        if (elsewhere(&e->list[i], &e->list[strongest]))
             apart += e->list[i].energy;
     out->mixed = apart >= 0.05 * out->energy;
     out->echoes = (uint8_t)e->count;

@@ -57,7 +57,7 @@ struct optics_echo {
     double nearest_m, farthest_m; /* of echoes with at least 2 % of the energy */
     uint16_t part;                /* of the strongest echo */
     uint8_t echoes;
-    bool mixed; /* two surfaces more than 50 mm apart each give at least 5 % */
+    bool mixed; /* another surface, more than 50 mm nearer or farther, gives at least 5 % */
 };
 
 /* What the head reports. */

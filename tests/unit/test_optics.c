@@ -150,6 +150,26 @@ static void a_silhouette_gives_points_floating_between_the_surfaces(void **state
     scene_destroy(scene);
 }
 
+static void grazing_incidence_spreads_one_surface_but_mixes_nothing(void **state) {
+    (void)state;
+    struct scene *scene = plates(matt(0.6f), 4, 0, 0);
+    struct optics optics = quiet();
+    optics.max_range_m = 100;
+    double widest_m = 0;
+    for (int i = 0; i < 100; i++) { /* the beam meets the plate at 4 degrees */
+        struct optics_beam beam = {.origin_m = {3.86, -4.4 + 0.002 * i, 0},
+                                   .dir = vec3_unit(vec3_make(0.07, 1, 0)),
+                                   .sweep = {0.004, 0, 0}};
+        struct rng rng = rng_stream(3, (uint64_t)i);
+        struct optics_echo e;
+        optics_shoot(scene, &optics, &beam, &rng, &e);
+        widest_m = fmax(widest_m, e.farthest_m - e.nearest_m);
+        assert_false(e.mixed);
+    }
+    assert_true(widest_m > 0.06);
+    scene_destroy(scene);
+}
+
 static void one_ray_never_mixes(void **state) {
     (void)state;
     struct scene *scene = plates(matt(0.6f), 2, 1, 4);
@@ -228,6 +248,7 @@ int main(void) {
         cmocka_unit_test(beyond_maximum_range_is_no_return_and_beyond_ambiguity_folds_back),
         cmocka_unit_test(quantisation_dropouts_and_outliers_happen_as_often_as_told),
         cmocka_unit_test(a_silhouette_gives_points_floating_between_the_surfaces),
+        cmocka_unit_test(grazing_incidence_spreads_one_surface_but_mixes_nothing),
         cmocka_unit_test(one_ray_never_mixes),
         cmocka_unit_test(echo_follows_albedo_and_incidence),
         cmocka_unit_test(a_reflector_is_bright_and_a_mirror_shows_what_is_elsewhere),
