@@ -33,6 +33,36 @@ import json, sys
 assert json.load(open(sys.argv[1]))["coverage"] > 0.5
 PY
 
+# stage by stage: seconds, memory, counts
+python3 - "$dir/first.json" <<'PY' || fail "the report lacks something"
+import json, sys
+r = json.load(open(sys.argv[1]))
+assert r["seconds"] > 0 and all(r["peak_bytes"][k] > 1e6 for k in ("photographs", "skins", "tiles"))
+assert r["stations"][0]["samples"] > 1000 and r["stations"][0]["photographs"] == len(r["photographs"])
+assert all(p["valid"] + p["no_return"] + p["dropped"] + p["unseen"] + p["sky"] == p["width_px"] * p["height_px"]
+           for p in r["photographs"])
+assert r["tiles"]["sampled"] + r["tiles"]["planes"] > 0 and r["tiles"]["bytes"] > r["tiles"]["bytes_level0"]
+PY
+
+# only what is out of date: another error makes new tiles of the old photographs
+"$bin" fuse "$dir/a" --error-mm 8 --json >"$dir/coarser.json"
+python3 - "$dir/coarser.json" <<'PY' || fail "made again what was up to date, or kept what was not"
+import json, sys
+r = json.load(open(sys.argv[1]))
+assert all(p["up_to_date"] for p in r["photographs"]) and not r["tiles"]["up_to_date"]
+PY
+
+# the file of tiles is what its page says it is
+python3 "$(dirname "$0")/tile_pack_reader.py" "$(ls -t "$dir"/a/tiles/* | head -n 1)" >"$dir/pack.json" || fail "the tiles"
+python3 - "$dir/pack.json" "$dir/coarser.json" <<'PY' || fail "the tiles hold something else than was reported"
+import json, sys
+pack, tiles = json.load(open(sys.argv[1])), json.load(open(sys.argv[2]))["tiles"]
+assert sum(p["samples"] for p in pack["photos"]) == tiles["samples"]
+assert sum(p["planes"] for p in pack["photos"]) == tiles["planes"]
+assert sum(p["coded"] for p in pack["photos"]) == tiles["bytes_level0"]
+assert pack["error_m"] == 0.008
+PY
+
 # what cannot be done: one line
 if "$bin" fuse "$dir/nowhere" >/dev/null 2>"$dir/err"; then fail "fused nothing"; fi
 [ "$(wc -l <"$dir/err")" = 1 ] || fail "not one line"
