@@ -113,6 +113,29 @@ static void two_surfaces_in_a_pixel_are_not_averaged(void **state) {
     photo_destroy(&photo);
 }
 
+/* What a sensor at the end of its range gives: one distance everywhere. */
+static void samples_all_at_the_largest_range_are_one_surface(void **state) {
+    (void)state;
+    enum { N = 20000 };
+    static struct scatter_sample s[N];
+    struct rng rng = rng_make(9);
+    struct camera c = camera_pinhole(SIZE, SIZE, 1.0);
+    for (int i = 0; i < N; i++) {
+        double u = rng_range(&rng, -1, SIZE), v = rng_range(&rng, -1, SIZE);
+        s[i] = through(u, v, 655.35 / vec3_norm(camera_pinhole_ray(&c, u, v)), 0.02);
+    }
+    struct resolve_counts counts;
+    struct photo photo = shoot(s, N, &counts);
+    assert_int_equal(counts.valid, SIZE * SIZE);
+    assert_int_equal(counts.refused, 0);
+    for (int i = 0; i < SIZE * SIZE; i++) {
+        double norm = vec3_norm(camera_pinhole_ray(&c, i % SIZE, (double)(i / SIZE)));
+        /* the sphere bends by R / f^2 = 0.2 m within a pixel; where only one side is known, that */
+        assert_true(fabs(norm / (double)photo.disparity_per_m[i] - 655.35) < 0.2);
+    }
+    photo_destroy(&photo);
+}
+
 static void impossible_samples_are_left_out(void **state) {
     (void)state;
     struct scatter_sample s[6] = {at(0, 0, 0, 0.01),         at((double)NAN, 1, 1, 0.01),
@@ -314,6 +337,7 @@ int main(void) {
         cmocka_unit_test(one_sample_is_where_it_was_measured),
         cmocka_unit_test(all_samples_at_one_pixel_average),
         cmocka_unit_test(two_surfaces_in_a_pixel_are_not_averaged),
+        cmocka_unit_test(samples_all_at_the_largest_range_are_one_surface),
         cmocka_unit_test(impossible_samples_are_left_out),
         cmocka_unit_test(range_zero_counts_as_dropped),
         cmocka_unit_test(sigma_zero_is_not_believed),
