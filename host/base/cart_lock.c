@@ -9,11 +9,13 @@ static const double decisive = 4;        /* the runner-up scatters more by this 
 static const double even_ns = 2000;      /* scatter that any right shift may have */
 static const double early_ns = 5e6;      /* an arrival may seem early by the latency of packets */
 
-enum { MOST = 64, LISTED = 32, STARTS = 3, BESIDE = 2 };
+enum { MOST = 64, LISTED = 32, STARTS = 3, BESIDE = 2, WEAK = 4, PATIENCE = 16 };
 
 struct found {
-    unsigned count, first_turn, first_event, overlap;
+    unsigned count, overlap;
+    unsigned turn[MOST], event[MOST];
     double at[MOST], off[MOST]; /* ns, relative to the first pair */
+    unsigned first;             /* of those that lie on the line */
     double least_late_ns;
 };
 
@@ -52,9 +54,9 @@ static void pair_up(const struct head_turn *turns, unsigned turn_count,
         if (fabs(miss) > near)
             continue;
         off += miss;
-        if (!f->count)
-            f->first_turn = i, f->first_event = e;
-        f->at[f->count] = (double)(turns[i].t_head_ns - turns[f->first_turn].t_head_ns);
+        f->turn[f->count] = i;
+        f->event[f->count] = e;
+        f->at[f->count] = (double)(turns[i].t_head_ns - turns[f->turn[0]].t_head_ns);
         f->off[f->count++] = off;
         if (events[e].t_host_ns != CART_CLOCK_NO_ARRIVAL)
             f->least_late_ns =
@@ -64,7 +66,7 @@ static void pair_up(const struct head_turn *turns, unsigned turn_count,
 
 /* Robust scatter about a line: the median slope of pairs half the way apart (after Theil and Sen),
  * then the median of what is left. */
-static double scatter_of(const struct found *f, double *out_rate) {
+static double scatter_of(struct found *f, double *out_rate) {
     double v[MOST];
     unsigned half = f->count / 2, n = 0;
     for (unsigned i = 0; i + half < f->count; i++)
@@ -76,14 +78,19 @@ static double scatter_of(const struct found *f, double *out_rate) {
     for (unsigned i = 0; i < f->count; i++)
         v[i] = fabs(f->off[i] - rate * f->at[i] - middle);
     *out_rate = rate;
-    return 1.4826 * middle_of(v, f->count);
+    double scatter = 1.4826 * middle_of(v, f->count);
+    f->first = 0; /* a spurious event may have been taken for the first */
+    while (f->first + 1 < f->count &&
+           fabs(f->off[f->first] - rate * f->at[f->first] - middle) > 4 * scatter + even_ns)
+        f->first++;
+    return scatter;
 }
 
 /* Is this shift possible at all? */
-static bool judge(const struct cart_clock_params *params, const struct found *f, double turn_ns,
+static bool judge(const struct cart_clock_params *params, struct found *f, double turn_ns,
                   double *out_scatter) {
     double rate;
-    if (f->count < params->lock_turns || (double)f->count < enough * (double)f->overlap)
+    if (f->count < WEAK || (double)f->count < enough * (double)f->overlap)
         return false;
     *out_scatter = scatter_of(f, &rate);
     /* wrong shifts are also off in rate while the mirror spins up */
@@ -93,14 +100,14 @@ static bool judge(const struct cart_clock_params *params, const struct found *f,
     return !(f->least_late_ns < -fmax(early_ns, turn_ns / 4)); /* known before it happened */
 }
 
-/* Do two describe the same shift? Both count from their first pair. */
+/* Do two describe the same shift? Both count from their first good pair. */
 static bool same_shift(const struct cart_lock *a, const struct cart_lock *b,
                        const struct head_turn *turns, const struct cart_clock_event *events) {
     double ours =
         (double)(events[a->first_event].index.t_controller_ns - turns[a->first_turn].t_head_ns);
     double theirs =
         (double)(events[b->first_event].index.t_controller_ns - turns[b->first_turn].t_head_ns);
-    return fabs(ours - theirs) < 0.5 * near_turn * 1e9 / turns[a->first_turn].rate_hz;
+    return fabs(ours - theirs) < near_turn * 1e9 / turns[a->first_turn].rate_hz;
 }
 
 struct search {
@@ -125,21 +132,27 @@ static void keep(struct search *s, const struct cart_lock *is, const struct head
 }
 
 /* The one with the least scatter; among those that scatter alike, the one whose events came
- * soonest. */
-static bool choose(const struct search *s, bool must, struct cart_lock *out_lock) {
-    const struct cart_lock *best = &s->list[s->best], *soon = NULL;
+ * soonest. If that has few pairs so far, more must come. */
+static bool choose(const struct search *s, const struct cart_clock_params *params, bool must,
+                   struct cart_lock *out_lock) {
+    const struct cart_lock *is = &s->list[s->best], *soon = NULL;
+    double alike_ns = decisive * is->scatter_ns;
     unsigned alike = 0;
     for (unsigned i = 0; i < s->count; i++) {
-        const struct cart_lock *is = &s->list[i];
-        if (is->scatter_ns > decisive * best->scatter_ns)
+        const struct cart_lock *other = &s->list[i];
+        if (other->scatter_ns > alike_ns)
             continue;
         alike++;
-        if (!isnan(is->least_late_ns) && (!soon || is->least_late_ns < soon->least_late_ns))
-            soon = is;
+        if (!isnan(other->least_late_ns) && (!soon || other->least_late_ns < soon->least_late_ns))
+            soon = other;
     }
-    if (alike > 1 && !soon && !must)
+    /* Pairs tell more the longer they last, and arrivals the more there are. */
+    if (alike > 1 && !must && (!soon || is->pairs < PATIENCE))
         return false;
-    *out_lock = alike > 1 && soon ? *soon : *best;
+    is = alike > 1 && soon ? soon : is;
+    if (is->pairs < params->lock_turns)
+        return false;
+    *out_lock = *is;
     out_lock->ambiguous = alike > 1;
     return true;
 }
@@ -163,13 +176,13 @@ bool cart_lock_find(const struct cart_clock_params *params, const struct head_tu
                     events[e].index.t_controller_ns - turns[t].t_head_ns, &f);
             if (!judge(params, &f, turn_ns, &scatter))
                 continue;
-            struct cart_lock is = {f.first_turn,
-                                   f.first_event,
+            struct cart_lock is = {f.turn[f.first],
+                                   f.event[f.first],
                                    f.count,
                                    scatter + even_ns,
                                    isinf(f.least_late_ns) ? (double)NAN : f.least_late_ns,
                                    false};
             keep(&search, &is, turns, events);
         }
-    return search.count && choose(&search, turn_count >= MOST / 2, out_lock);
+    return search.count && choose(&search, params, turn_count >= MOST / 2, out_lock);
 }
