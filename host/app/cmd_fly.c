@@ -7,6 +7,7 @@
 #include "base/json.h"
 #include "base/picture.h"
 
+#include <limits.h>
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>
@@ -92,10 +93,11 @@ static enum st put(struct flight *f, int number, struct errctx *err) {
 }
 
 /* The pilot at a time 0..1 of the flight: smooth at every photograph. */
-static struct view_pilot pilot_at(const struct viewer *v, double t) {
+static struct view_pilot pilot_at(const struct viewer *v, double t, int legs_max) {
     const struct tile_pack_index *index = view_source_tiles(v->source).index;
     struct view_pilot ends[2] = {v->pilot, v->pilot};
     int legs = index->photo_count > 1 ? index->photo_count - 1 : 1;
+    legs = legs < legs_max ? legs : legs_max;
     double at = t * legs;
     int leg = (int)at < legs ? (int)at : legs - 1;
     double s = at - leg;
@@ -117,7 +119,7 @@ static struct view_pilot pilot_at(const struct viewer *v, double t) {
 static enum st fly(struct viewer *v, struct flight *f, struct errctx *err) {
     enum st st = is_film(f->args->out) ? open_film(f, err) : fileio_mkdirs(f->args->out, err);
     for (int i = 0; i < f->frames && !st; i++) {
-        v->pilot = pilot_at(v, f->frames > 1 ? (double)i / (f->frames - 1) : 0.0);
+        v->pilot = pilot_at(v, f->frames > 1 ? (double)i / (f->frames - 1) : 0.0, INT_MAX);
         st = viewer_picture(v, &f->im, err);
         if (!st)
             st = put(f, i, err);
@@ -130,6 +132,7 @@ static enum st fly(struct viewer *v, struct flight *f, struct errctx *err) {
 /* ---- live ---- */
 
 enum { LIVE_FRAMES_MAX = 1 << 16 };
+static const double leg_s = 2.0; /* from one photograph to the next, as one flies by hand */
 
 struct live {
     double first_s; /* from the command's start to the first picture */
@@ -148,7 +151,7 @@ static enum st live_fly(struct viewer *v, const struct flight *f, struct live *l
     int64_t begin_ns = clock_now_ns();
     for (double t = 0.0; !st && t < 1.0 && live->count < LIVE_FRAMES_MAX;
          t = 1e-9 * (double)(clock_now_ns() - begin_ns) / f->args->seconds) {
-        v->pilot = pilot_at(v, t);
+        v->pilot = pilot_at(v, t, (int)ceil(f->args->seconds / leg_s));
         viewer_moved(v);
         st = viewer_frame(v, &f->im, err);
         live->frame_ms[live->count++] = 1e3 * v->frame_s;

@@ -55,7 +55,7 @@ struct fit {
     double c[TERMS], cov[TERMS * TERMS];
     double u0, v0; /* the terms are (u - u0, v - v0, 1) */
     int32_t samples;
-    double chi2;
+    double chi2, var_mean; /* of one sample, the mean by weight */
 };
 
 static bool invert3(const double a[9], double out[9]) {
@@ -78,7 +78,7 @@ static bool invert3(const double a[9], double out[9]) {
 static bool fit_pass(const struct hit *hit, int32_t reach, const struct fit *from,
                      struct fit *out) {
     const struct tile *t = hit->tile;
-    double a[9] = {0}, b[3] = {0}, sum_squares = 0;
+    double a[9] = {0}, b[3] = {0}, sum_squares = 0, weights = 0;
     *out = (struct fit){.u0 = hit->u, .v0 = hit->v};
     for (int32_t v = hit->v - reach; v <= hit->v + reach; v++)
         for (int32_t u = hit->u - reach; u <= hit->u + reach; u++) {
@@ -102,6 +102,7 @@ static bool fit_pass(const struct hit *hit, int32_t reach, const struct fit *fro
                 for (int j = 0; j < 3; j++)
                     a[3 * i + j] += q[i] * q[j] / (sigma * sigma);
             }
+            weights += 1.0 / (sigma * sigma);
             out->samples++;
         }
     if (out->samples <= TERMS || !invert3(a, out->cov))
@@ -110,7 +111,18 @@ static bool fit_pass(const struct hit *hit, int32_t reach, const struct fit *fro
         out->c[i] =
             out->cov[3 * i] * b[0] + out->cov[3 * i + 1] * b[1] + out->cov[3 * i + 2] * b[2];
     out->chi2 = sum_squares / (out->samples - TERMS);
+    out->var_mean = out->samples / weights;
     return true;
+}
+
+/* Samples that lie closer to their plane than their sigmas say have errors in common: a bias of
+ * the sensor, neighbours made of the same echoes, a tile coded as a plane. What the residuals do
+ * not show does not average out; it stays with the point as a whole. */
+static void share_out(struct fit *fit) {
+    double own = fmin(fit->chi2, 1.0);
+    for (int i = 0; i < 9; i++)
+        fit->cov[i] *= own;
+    fit->cov[8] += (1.0 - own) * fit->var_mean;
 }
 
 /* The largest neighbourhood that is a plane within its noise: residuals beyond what chance allows
@@ -127,8 +139,7 @@ static bool fit_plane(const struct hit *hit, struct fit *out) {
         int32_t window = (2 * reach + 1) * (2 * reach + 1);
         if (out->chi2 > 1.0 || 2 * out->samples < window)
             continue;
-        for (int i = 0; i < 9; i++)
-            out->cov[i] *= fmax(1.0, out->chi2);
+        share_out(out);
         return true;
     }
     return false;

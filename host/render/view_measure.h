@@ -4,9 +4,11 @@
  * The point lies on the pixel's ray, so its error does, too. Around the sample that is drawn there
  * the samples of the same surface (up to 7 x 7) give a plane in disparity by weighted least
  * squares, delta = c . (u, v, 1); over the tile's own coordinates y = (u, v, 1) / delta that is c .
- * y = 1, the ray e + t d meets it at one t, and var t = y' cov(c) y / (N . d)^2. Residuals larger
- * than their sigmas allow widen cov(c). Errors of the stations' poses are not in it: points from
- * one station have them in common, a distance does not see them. */
+ * y = 1, the ray e + t d meets it at one t, and var t = y' cov(c) y / (N . d)^2. cov(c) is
+ * shared out by the residuals: chi^2 of it averages over the samples, the rest (1 - chi^2) of a
+ * sample's variance is common to all of them and stays, whatever their number. Errors of the
+ * stations' poses are not in it: points from one station have them in common, a distance does not
+ * see them. */
 #ifndef SC_RENDER_VIEW_MEASURE_H
 #define SC_RENDER_VIEW_MEASURE_H
 

@@ -23,8 +23,8 @@ struct view_scene {
     struct tile_cache *cache;
     struct mat3 *world_from_pixel; /* [photo][level]: world from cam times K^-1 */
     struct vec3 *eye_m;            /* [photo] */
-    uint8_t *refined;              /* [node]: low byte of the last frame that refined it */
-    uint8_t stamp;
+    uint32_t *refined;             /* [node]: the last frame that refined it; 0: none */
+    uint32_t stamp;                /* this frame */
     struct candidate *heap, *chosen;
     size_t heap_count, heap_room, chosen_count, chosen_room;
     int64_t *wanted;
@@ -65,7 +65,7 @@ enum st view_scene_create(const struct tile_source *source, size_t cache_bytes,
     size_t photos = (size_t)source->index->photo_count + 1;
     s->world_from_pixel = malloc(photos * TILE_PACK_MAX_LEVELS * sizeof *s->world_from_pixel);
     s->eye_m = malloc(photos * sizeof *s->eye_m);
-    s->refined = calloc((size_t)source->index->node_count + 1, 1);
+    s->refined = calloc((size_t)source->index->node_count + 1, sizeof *s->refined);
     enum st st = ST_OK;
     if (!s->world_from_pixel || !s->eye_m || !s->refined)
         st = errctx_set(err, ST_NOMEM, "no memory for %zu photographs", photos - 1);
@@ -125,11 +125,13 @@ static bool look(const struct view_scene *s, const struct raster_view *view, str
     struct render_projection p = render_tile_project(view, &tile);
     struct render_bounds b = {PHOTO_TILE_PX, PHOTO_TILE_PX, (double)node->disparity_min_per_m,
                               (double)node->disparity_max_per_m};
-    if (node->flags & TILE_PACK_SKY)
-        b.d_lo = 0.0;
-    if (!(b.d_lo <= b.d_hi) && node->flags & TILE_PACK_SKY)
-        b.d_hi = 0.0;
     struct render_extent extent = render_tile_extent(view, &p, &b, 2.0);
+    if (node->flags & TILE_PACK_SKY) { /* apart: what lies between surface and sky is not there */
+        b.d_lo = b.d_hi = 0.0;
+        struct render_extent sky = render_tile_extent(view, &p, &b, 2.0);
+        extent.visible = extent.visible || sky.visible;
+        extent.sample_px = fmax(extent.sample_px, sky.sample_px);
+    }
     c->error_px = extent.sample_px;
     return extent.visible;
 }
@@ -237,8 +239,8 @@ static int children_of(struct view_scene *s, const struct raster_view *view,
 static void refine(struct view_scene *s, const struct raster_view *view,
                    const struct view_quality *quality, struct candidate *c,
                    struct view_scene_stats *stats) {
-    uint8_t age = (uint8_t)(s->stamp - s->refined[c->node]);
-    bool was = age <= 1;
+    uint32_t before = s->refined[c->node];
+    bool was = before && s->stamp - before <= 1;
     double limit = was ? keep_share * quality->error_px : quality->error_px;
     size_t tiles = s->chosen_count + s->heap_count;
     bool must = !c->slot && c->level > 0; /* only its children hold something */
