@@ -9,3 +9,11 @@ scancart_test(test_session_threads SOURCES unit/test_session_threads.c
 scancart_test(prop_capture_kill SOURCES prop/prop_capture_kill.c DEPS fake_cart LABELS prop TIMEOUT 300)
 scancart_test(prop_capture_writes SOURCES prop/prop_capture_writes.c support/power_vfs.c
   DEPS fake_cart sqlite3 LABELS prop TIMEOUT 300)
+add_executable(bench_capture bench/bench_capture.c)
+target_link_libraries(bench_capture PRIVATE fast_cart fake_cart)
+# a process that dies needs no disk: what it has written stays
+if(EXISTS /dev/shm)
+  set_tests_properties(test_session prop_capture_kill prop_capture_writes PROPERTIES ENVIRONMENT "TMPDIR=/dev/shm")
+endif()
+scancart_script_test(e2e_capture COMMAND tests/e2e/capture.sh LABELS e2e slow TIMEOUT 300)
+scancart_script_test(e2e_capture_faults COMMAND tests/e2e/capture_faults.py LABELS e2e slow TIMEOUT 300)

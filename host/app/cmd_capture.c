@@ -119,7 +119,7 @@ static enum st open_site(struct run *r, struct errctx *err) {
     struct site_info info;
     memset(&info, 0, sizeof info);
     enum st st = site_open(r->path, SITE_WRITE, &r->site, err);
-    if (st == ST_NOT_FOUND && !r->o->resume) {
+    if (st == ST_NOT_FOUND && (!r->o->resume || r->o->keep_going)) {
         st = site_create(r->path, &info, &r->site, err);
         r->made = !st;
     }
@@ -203,7 +203,7 @@ static enum st find_station(struct run *r, struct errctx *err) {
         st = choose_name(r, name, err);
     if (!st)
         st = station_find(r->site, name, &r->station, err);
-    if (st == ST_NOT_FOUND && !r->o->resume)
+    if (st == ST_NOT_FOUND && (!r->o->resume || r->o->keep_going))
         st = add_station(r, name, err);
     if (st)
         return st;
@@ -333,6 +333,8 @@ int cmd_capture(int argc, const char **argv) {
         {"station", 's', POPT_ARG_STRING, &o.station, 0, "name of the stand", "NAME"},
         {"at", 0, POPT_ARG_STRING, &o.at, 0, "where it is, about (metres, degrees)", "X,Y,YAW"},
         {"resume", 'r', POPT_ARG_NONE, &o.resume, 0, "go on with a scan that was cut short", NULL},
+        {"keep-going", 0, POPT_ARG_NONE, &o.keep_going, 0,
+         "start, or go on where it was cut short (for a service)", NULL},
         {"quality", 'q', POPT_ARG_STRING, &o.quality, 0, "preview, field (default) or survey",
          "NAME"},
         {"from", 0, POPT_ARG_DOUBLE, &o.from_deg, 0, "first pan angle (-90)", "DEG"},
@@ -365,8 +367,11 @@ int cmd_capture(int argc, const char **argv) {
         return app_parse_exit(st);
     const char *path = poptGetArg(context);
     int status;
+    o.resume = o.resume || o.keep_going;
     if (!path || poptPeekArg(context))
         status = app_usage_error("capture", "give one site folder");
+    else if (o.keep_going && !o.station)
+        status = app_usage_error("capture", "--keep-going needs --station NAME");
     else if (!o.board)
         status =
             app_usage_error("capture", "needs --board BOARD (boards/twin: the simulated cart)");

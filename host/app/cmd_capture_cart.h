@@ -23,7 +23,7 @@ struct cmd_capture_options {
     const char **fault, **set, **tilt;
     double from_deg, to_deg, resolution_deg, mirror_hz, photo_step_deg; /* NaN: not given */
     long seed;                                                          /* < 0: the board's */
-    int resume, no_photos, plan_only;
+    int resume, keep_going, no_photos, plan_only;
     bool json;
 };
 

@@ -40,7 +40,51 @@ void cmd_capture_text_plan(const char *path, const char *station, const struct s
                   app_site_bytes((int64_t)forecast->bytes, bytes));
 }
 
+/* What was lost on the way, by the reason: where to look. */
+static void warn_losses(const struct head_ledger_totals *t) {
+    static const char *const advice[HEAD_LEDGER_REASONS] = {
+        [HEAD_LEDGER_USB_LOST] = "look at the head's cable and hub",
+        [HEAD_LEDGER_CRC] = "look at the head's cable",
+        [HEAD_LEDGER_RING_FULL] = "the disk is too slow",
+        [HEAD_LEDGER_POWER_LOSS] = "between two sessions",
+        [HEAD_LEDGER_DISK_FULL] = "make room",
+        [HEAD_LEDGER_HEAD_OVERRUN] = "the head lost them itself"};
+    for (int i = 0; i < HEAD_LEDGER_REASONS; i++)
+        if (t->lost_packets[i] || t->lost_samples[i])
+            (void)fprintf(stderr, "warning: %llu packets with %llu samples lost (%s): %s\n",
+                          (unsigned long long)t->lost_packets[i],
+                          (unsigned long long)t->lost_samples[i],
+                          head_ledger_reason_name((enum head_ledger_reason)i), advice[i]);
+    if (t->resets)
+        (void)fprintf(stderr, "warning: the head has restarted %llu times: look at its power\n",
+                      (unsigned long long)t->resets);
+    if (t->sequence || t->repeated)
+        (void)fprintf(
+            stderr, "warning: %llu packets with a wrong number, %llu came twice: nothing is lost\n",
+            (unsigned long long)t->sequence, (unsigned long long)t->repeated);
+}
+
+/* What the fit of the clocks has met on the way. */
+static void warn_incidents(const struct report *r) {
+    static const enum cart_clock_kind told[] = {
+        CART_CLOCK_HEAD_JUMP,   CART_CLOCK_ENCODER_SLIP, CART_CLOCK_MIRROR_SLOW,
+        CART_CLOCK_INDEX_SHIFT, CART_CLOCK_EVENTS_LOST,  CART_CLOCK_CONTROLLER_RESTART,
+        CART_CLOCK_HOST_JUMP,   CART_CLOCK_AMBIGUOUS};
+    for (size_t i = 0; i < sizeof told / sizeof told[0]; i++)
+        if (r->clock.incidents[told[i]])
+            (void)fprintf(stderr, "warning: %s (%llu times)\n", cart_clock_kind_text(told[i]),
+                          (unsigned long long)r->clock.incidents[told[i]]);
+    if (r->clock.missing_events > 1 || r->clock.spurious_events)
+        (void)fprintf(
+            stderr,
+            "warning: %llu index pulses were missing, %llu came from nowhere: look at the "
+            "mirror's index sensor\n",
+            (unsigned long long)r->clock.missing_events,
+            (unsigned long long)r->clock.spurious_events);
+}
+
 void cmd_capture_text_warnings(const struct session_result *result) {
+    warn_losses(&result->last.counts.head);
     if (result->realtime_note[0])
         (void)fprintf(stderr, "warning: %s\n", result->realtime_note);
     if (result->last.warnings)
@@ -128,6 +172,9 @@ static void print_text(const char *path, const struct station *station,
                      r->mirror_hz, 100 * r->mirror_hz_sigma / r->mirror_hz,
                      (unsigned long long)r->turns, r->pan_step, r->pan_step_sigma,
                      r->pan_step_worst);
+    if (result->last.verified)
+        (void)printf("  homing      the pan was %d steps off when it was homed again\n",
+                     (int)result->last.lost_steps);
 }
 
 static void json_losses(struct json *json, const struct report *r) {
@@ -203,6 +250,10 @@ static void json_report(struct json *json, const char *path, const struct statio
     json_number(json, NULL, "pan_step", r->pan_step);
     json_number(json, NULL, "pan_step_sigma", r->pan_step_sigma);
     json_number(json, NULL, "pan_step_worst", r->pan_step_worst);
+    if (result->last.verified)
+        json_integer(json, NULL, "pan_lost_steps", result->last.lost_steps);
+    else
+        json_null(json, NULL, "pan_lost_steps");
     json_integer(json, NULL, "stored_bytes", r->stored_bytes);
     json_integer(json, NULL, "batches", (int64_t)counts->batches);
     json_integer(json, NULL, "failed_batches", (int64_t)counts->failed_batches);
@@ -269,6 +320,8 @@ enum st cmd_capture_text_report(struct site *site, const char *path, const struc
         st = resume_find(site, station->id, resume, err);
     if (!st)
         st = report_make(site, station->id, has_rig ? &rig : NULL, &report, err);
+    if (!st)
+        warn_incidents(&report);
     if (!st && json) {
         struct json out;
         json_report(&out, path, station, result, ended, &report, resume);

@@ -27,16 +27,16 @@ enum {
 
 /* Longest stay in a phase, seconds; the sweep's follows from the plan. */
 static const double limit_s[] = {
-    [DRIVE_CONNECT] = 30,  [DRIVE_HOME] = 240,  [DRIVE_TILT] = 60, [DRIVE_SPIN] = 40,
-    [DRIVE_APPROACH] = 60, [DRIVE_SWEEP] = 0,   [DRIVE_DARK] = 20, [DRIVE_AIM] = 60,
-    [DRIVE_SETTLE] = 20,   [DRIVE_EXPOSE] = 20, [DRIVE_PARK] = 10, [DRIVE_DONE] = 0,
-    [DRIVE_STOPPED] = 0};
+    [DRIVE_CONNECT] = 30,  [DRIVE_HOME] = 240,  [DRIVE_TILT] = 60,    [DRIVE_SPIN] = 40,
+    [DRIVE_APPROACH] = 60, [DRIVE_SWEEP] = 0,   [DRIVE_DARK] = 20,    [DRIVE_AIM] = 60,
+    [DRIVE_SETTLE] = 20,   [DRIVE_EXPOSE] = 20, [DRIVE_VERIFY] = 120, [DRIVE_PARK] = 10,
+    [DRIVE_DONE] = 0,      [DRIVE_STOPPED] = 0};
 static const double stop_s = 6; /* of an orderly stop */
 
 const char *drive_phase_name(enum drive_phase phase) {
     static const char *const names[] = {
-        "connect", "homing", "tilt",       "mirror spin-up", "approach", "sweep",  "mirror stop",
-        "aim",     "settle", "photograph", "rest",           "done",     "stopped"};
+        "connect", "homing", "tilt",       "mirror spin-up", "approach", "sweep", "mirror stop",
+        "aim",     "settle", "photograph", "homing again",   "rest",     "done",  "stopped"};
     return (unsigned)phase < sizeof names / sizeof names[0] ? names[phase] : "unknown";
 }
 
@@ -302,10 +302,13 @@ static void approach(struct drive *d) {
 static void listen(struct drive *d) {
     struct recorder_counts counts;
     recorder_counts(d->config.recorder, &counts);
-    if (counts.head.packets != d->head_packets || !d->head_heard_ns) {
-        d->head_packets = counts.head.packets;
+    /* A recorder that waits for the disk has not looked at what came. */
+    bool came = d->head_transfers != d->head_came && counts.head.damaged_bytes == d->head_damaged;
+    if (counts.head.packets != d->head_packets || came || !d->head_heard_ns)
         d->head_heard_ns = d->now_ns;
-    }
+    d->head_packets = counts.head.packets;
+    d->head_damaged = counts.head.damaged_bytes;
+    d->head_came = d->head_transfers;
     if (d->now_ns - d->head_heard_ns < MS(HEAD_SILENCE_MS) ||
         d->now_ns - d->answered_ns > MS(2 * STATUS_MS)) /* a silent controller may be why */
         return;
@@ -369,7 +372,7 @@ static void aim(struct drive *d) {
     struct errctx err = {0};
     int32_t pan = 0, at = 0;
     if (!next_shot(d, &pan, &at)) {
-        enter(d, DRIVE_PARK);
+        enter(d, DRIVE_VERIFY);
         return;
     }
     if (d->step == 0)
@@ -491,6 +494,28 @@ static void expose(struct drive *d) {
     enter(d, DRIVE_AIM);
 }
 
+/* Steps that the pan's motor lost are seen by nobody until it is homed again. */
+static void verify(struct drive *d) {
+    struct errctx err = {0};
+    if (d->step == 0) {
+        (void)command(d, ops(d)->home(motor(d), MOTOR_PAN, &err), &err);
+        return;
+    }
+    const struct motor_axis_status *pan = &d->status.axis[MOTOR_PAN];
+    if (!d->has_status || !at_rest(pan))
+        return;
+    d->verified = pan->homed;
+    d->lost_steps = pan->home_error_steps;
+    if (!pan->homed)
+        warn(d, "the pan has not found its home switch again");
+    else if (abs(d->lost_steps) > 1)
+        warn(d,
+             "the pan was %d steps off when it was homed again: it was held or pushed, and the "
+             "scan is bent",
+             (int)d->lost_steps);
+    enter(d, DRIVE_PARK);
+}
+
 static void park(struct drive *d) {
     struct errctx err = {0};
     if (d->step == 0) {
@@ -578,7 +603,7 @@ void drive_step(struct drive *drive, int64_t now_ns) {
         [DRIVE_CONNECT] = connect, [DRIVE_HOME] = home,         [DRIVE_TILT] = tilt,
         [DRIVE_SPIN] = spin,       [DRIVE_APPROACH] = approach, [DRIVE_SWEEP] = sweep,
         [DRIVE_DARK] = dark,       [DRIVE_AIM] = aim,           [DRIVE_SETTLE] = settle,
-        [DRIVE_EXPOSE] = expose,   [DRIVE_PARK] = park};
+        [DRIVE_EXPOSE] = expose,   [DRIVE_VERIFY] = verify,     [DRIVE_PARK] = park};
     struct drive *d = drive;
     if (drive_ended(d))
         return;

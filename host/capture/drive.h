@@ -30,6 +30,7 @@ enum drive_phase {
     DRIVE_AIM,  /* to the next photograph */
     DRIVE_SETTLE,
     DRIVE_EXPOSE,
+    DRIVE_VERIFY, /* homes the pan again: how many steps were lost during the scan */
     DRIVE_PARK,
     DRIVE_DONE,
     DRIVE_STOPPED /* laser and motors off, not all of the plan done */
@@ -62,10 +63,13 @@ struct drive {
     int64_t clock_offset_ns; /* host minus controller, from the last pair */
     bool clock_known;
     int32_t home_axis; /* being homed, or -1 */
-    /* the head, as the recorder counts it */
+    bool verified;
+    int32_t lost_steps; /* of the pan, between the two homings */
+    /* the head */
     bool head_wanted; /* it should be listened to; the session sees to it, and sets */
     bool head_on;
-    uint64_t head_packets;
+    uint64_t head_transfers; /* set by the session: that came */
+    uint64_t head_packets, head_damaged, head_came;
     int64_t head_heard_ns;
     /* photographs */
     uint32_t pass, shot; /* the next */

@@ -104,7 +104,8 @@ static uint32_t missing_before(struct head_ledger *l, const struct head_packet *
         *out_repeated = true;
         return 0;
     }
-    if (ahead < believable_packets)
+    /* A packet that is missing took samples with it: two witnesses against one wrong number. */
+    if (ahead < believable_packets && packet->first_sample_seq - l->next_sample_seq >= ahead)
         return ahead;
     l->totals.sequence++;
     l->strange = true;

@@ -12,10 +12,11 @@
 
 enum { PAGE = 16 };
 
-static const double overlap_turns = 2;   /* the rest begins that much before the first gap */
-static const double end_turns = 1.75;    /* what may be missing at either end, see below */
-static const uint32_t missed_pulses = 2; /* between two events that belong together */
-static const int64_t late_ns = 5000000;  /* an event may be that much behind the last packet */
+static const double overlap_turns = 2;    /* the rest begins that much before the first gap */
+static const double end_turns = 1.75;     /* what may be missing at either end, see below */
+static const uint32_t missed_pulses = 12; /* between two events that belong together, */
+static const double even = 0.2;           /* where the pan went on as before, within this part */
+static const int64_t late_ns = 5000000;   /* an event may be that much behind the last packet */
 
 bool resume_add_span(struct resume_span *spans, size_t *count, size_t capacity,
                      struct resume_span span, double near) {
@@ -39,6 +40,14 @@ void resume_next_device(const struct resume *resume, char out_name[SITE_NAME_MAX
         (void)snprintf(out_name, SITE_NAME_MAX, "%.50s.%u", resume->device, resume->sessions + 1);
 }
 
+/* Do two events that many turns apart bound a part of the sweep? */
+static bool together(const struct resume_span *span, uint64_t turns, double steps_a_turn) {
+    double way = span->to_steps - span->from_steps, usual = (double)turns * steps_a_turn;
+    if (turns > missed_pulses + 1 || way < 0)
+        return false;
+    return turns < 3 ? way <= 4 * steps_a_turn : fabs(way - usual) <= even * usual;
+}
+
 /* Spans between the events of one session, none later than the head's last packet. */
 static enum st cover(struct site *site, const struct stream *index, int64_t head_end_ns,
                      struct resume *r, struct errctx *err) {
@@ -46,7 +55,6 @@ static enum st cover(struct site *site, const struct stream *index, int64_t head
     struct stream_chunk chunk;
     struct index_event before = {0};
     const unsigned swept = INDEX_EVENT_SWEEP | INDEX_EVENT_LASER;
-    double most = (missed_pulses + 1.5) * r->plan.steps_per_revolution;
     enum st st = stream_reader_open(site, index->id, 0, &reader, err);
     while (!st) {
         st = stream_reader_next(reader, &chunk, err);
@@ -61,9 +69,9 @@ static enum st cover(struct site *site, const struct stream *index, int64_t head
                 t_ns > head_end_ns + late_ns)
                 continue;
             struct resume_span span = {before.pan_steps, e.pan_steps};
-            double way = span.to_steps - span.from_steps;
-            if (before.flags && e.revolution - before.revolution <= missed_pulses + 1 && way >= 0 &&
-                way <= most && !resume_add_span(r->span, &r->spans, RESUME_MAX_SPANS, span, 1e-6))
+            uint64_t turns = e.revolution - before.revolution;
+            if (before.flags && together(&span, turns, r->plan.steps_per_revolution) &&
+                !resume_add_span(r->span, &r->spans, RESUME_MAX_SPANS, span, 1e-6))
                 st = errctx_set(err, ST_FULL, "the sweep is in more than %d pieces",
                                 RESUME_MAX_SPANS);
             before = e;
@@ -173,7 +181,6 @@ static void find_rest(struct resume *r) {
     if (r->spans && r->span[r->spans - 1].to_steps >= to - end_turns * turn &&
         r->span[r->spans - 1].from_steps > first)
         last = r->span[r->spans - 1].from_steps + overlap_turns * turn;
-    r->covered = to > from ? fmin(1, covered / (to - from)) : 1;
     r->rest = *plan;
     if (first >= to - end_turns * turn || to <= from) {
         r->rest.pan_from_steps = r->rest.pan_to_steps = plan->pan_to_steps;
@@ -182,6 +189,8 @@ static void find_rest(struct resume *r) {
         r->rest.pan_from_steps = (int32_t)fmax(start, from);
         r->rest.pan_to_steps = (int32_t)fmin(ceil(last), to);
     }
+    bool swept = r->rest.pan_from_steps == r->rest.pan_to_steps;
+    r->covered = swept ? 1 : fmin(1, covered / (to - from));
     uint32_t left = 0;
     for (uint32_t p = 0; p < plan->pass_count; p++) {
         struct scan_plan_pass *pass = &r->rest.pass[p];
@@ -191,7 +200,7 @@ static void find_rest(struct resume *r) {
                 pass->pan_steps[pass->count++] = plan->pass[p].pan_steps[i];
         left += pass->count;
     }
-    r->complete = !left && r->rest.pan_from_steps == r->rest.pan_to_steps;
+    r->complete = !left && swept;
 }
 
 enum st resume_find(struct site *site, int64_t station_id, struct resume *out_resume,

@@ -7,7 +7,7 @@
 
 /* What does not follow from the plan, as measured on the cart's controller: for the forecast alone.
  */
-static const double homing_s = 25, spin_up_s = 8, approach_s = 8, finish_s = 4;
+static const double homing_s = 25, spin_up_s = 8, approach_s = 8, finish_s = 14;
 static const double slew_steps_s = 4000, slew_ramp_s = 0.8, expose_s = 0.5;
 
 enum { INDEX_EVENT_BYTES = 28, EDGE_BYTES = 16 };

@@ -215,6 +215,8 @@ static void make_status(struct session *s, int64_t now_ns) {
     status.photos = d->photos;
     status.photos_missed = d->photos_missed;
     status.photos_planned = scan_plan_photos(&s->plan);
+    status.verified = d->verified;
+    status.lost_steps = d->lost_steps;
     status.warnings = d->warnings;
     (void)snprintf(status.warning, sizeof status.warning, "%s", d->warning);
     recorder_counts(s->recorder, &status.counts);
@@ -245,6 +247,7 @@ static void hear(struct session *s) {
 static void plan_step(struct session *s, int64_t now_ns) {
     hear(s);
     s->drive.head_on = atomic_load(&s->head_on);
+    s->drive.head_transfers = s->head.transfers_total;
     drive_step(&s->drive, now_ns);
     atomic_store(&s->head_wanted, s->drive.head_wanted);
     make_status(s, now_ns);
@@ -268,6 +271,8 @@ static void record_step(struct session *s, int64_t now_ns) {
     if (!st)
         return;
     int64_t since_ns = recorder_failing_since(s->recorder);
+    (void)errctx_prefix(
+        &err, st, "the cart was stopped: make room, or mend the disk, then go on with --resume");
     bool long_ago = since_ns != INT64_MAX && now_ns - since_ns > DISK_PATIENCE_S * NS_A_S;
     if (st == ST_FULL || st == ST_NOMEM || long_ago)
         fail(&s->disk_failed, &s->disk_err, st, &err, NULL);
@@ -328,14 +333,15 @@ static void note_end(struct session *s) {
         "\"not_sent\": %llu, \"packets\": %llu, \"packets_lost\": %llu, \"resets\": %llu, "
         "\"repeated\": %llu, \"sequence\": %llu, \"damaged_bytes\": %llu, "
         "\"index_events\": %llu, \"index_lost\": %llu, \"photos\": %u, "
-        "\"photos_missed\": %u}",
+        "\"photos_missed\": %u, \"pan_lost_steps\": %d}",
         (long long)s->config.station_id, s->drive.why ? st_name(s->drive.why) : "done",
         (unsigned long long)t->samples, (unsigned long long)head_ledger_lost_samples(t),
         (unsigned long long)t->not_sent, (unsigned long long)t->packets,
         (unsigned long long)head_ledger_lost_packets(t), (unsigned long long)t->resets,
         (unsigned long long)t->repeated, (unsigned long long)t->sequence,
         (unsigned long long)t->damaged_bytes, (unsigned long long)c.index_events,
-        (unsigned long long)c.index_lost, s->drive.photos, s->drive.photos_missed);
+        (unsigned long long)c.index_lost, s->drive.photos, s->drive.photos_missed,
+        s->drive.verified ? (int)s->drive.lost_steps : 0);
     recorder_put_note(s->recorder, s->drive.why ? "capture.stop" : "capture.end", detail);
 }
 

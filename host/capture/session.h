@@ -36,6 +36,8 @@ struct session_status {
     uint64_t free_bytes;
     uint32_t photos, photos_missed, photos_planned;
     struct recorder_counts counts;
+    bool verified; /* the pan was homed again */
+    int32_t lost_steps;
     uint32_t warnings;
     char warning[160]; /* the newest; "" */
 };

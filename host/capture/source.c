@@ -25,6 +25,7 @@ static void take_bytes(void *ctx, const uint8_t *bytes, size_t size, int64_t t_h
     struct ring_regions room = ring_room(&s->bytes), records = ring_room(&s->transfers);
     if (!size)
         return;
+    s->transfers_total++;
     if (size > room.first_count + room.second_count || !records.first_count) {
         s->refused++;
         s->refused_total++;

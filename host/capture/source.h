@@ -35,7 +35,7 @@ struct source_head {
     /* device thread */
     uint32_t refused; /* since the last transfer that fitted */
     /* any thread */
-    SC_ATOMIC(uint64_t) refused_total;
+    SC_ATOMIC(uint64_t) transfers_total, refused_total; /* that came; that did not fit */
 };
 
 struct source_lines {
