@@ -263,6 +263,11 @@ static void json_report(struct json *json, const char *path, const struct statio
     json_text(json, NULL, "warning", result->last.warning);
 }
 
+/* JSON has no NaN: what is not known is -1. */
+static double known(double value) {
+    return isfinite(value) ? value : -1;
+}
+
 /* The report's figures as a custody event: what the crew saw, kept with what it is about. */
 static enum st keep(struct site *site, const struct station *station, const struct report *r,
                     const struct resume *resume, struct errctx *err) {
@@ -283,10 +288,10 @@ static enum st keep(struct site *site, const struct station *station, const stru
         (unsigned long long)head_ledger_lost_samples(t), (unsigned long long)t->not_sent,
         (unsigned long long)t->returns, (unsigned long long)t->no_returns,
         (unsigned long long)t->dropped, (long long)r->ledger_packets,
-        isfinite(r->sphere_covered) ? r->sphere_covered : -1,
-        isfinite(r->sphere_returned) ? r->sphere_returned : -1, clock ? c->head.rms_ns * 1e-3 : -1,
-        clock ? c->host.rms_ns * 1e-3 : -1, r->mirror_hz, r->mirror_hz_sigma, r->pan_step,
-        r->pan_step_sigma);
+        known(r->sphere_covered), known(r->sphere_returned),
+        known(clock ? c->head.rms_ns * 1e-3 : -1), known(clock ? c->host.rms_ns * 1e-3 : -1),
+        known(r->mirror_hz), known(r->mirror_hz_sigma), known(r->pan_step),
+        known(r->pan_step_sigma));
     return custody_add(site, "capture.report", detail, err);
 }
 
