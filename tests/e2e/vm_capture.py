@@ -112,7 +112,7 @@ export PATH=/bin
 mount -t proc none /proc; mount -t sysfs none /sys; mount -t devtmpfs none /dev
 for m in MODULES; do insmod /modules/$m.ko PARAMETERS || echo "VM no module $m"; done
 mount -t 9p -o trans=virtio,version=9p2000.L,ro,msize=524288,cache=loose tree /tree || poweroff -f
-mount -t tmpfs none /tree/run; mkdir /tree/run/vm /tree/run/ffs
+mount -t tmpfs -o size=600m none /tree/run; mkdir /tree/run/vm /tree/run/ffs
 mount -t configfs none /sys/kernel/config
 for d in proc dev; do mount -o bind /$d /tree/$d; done
 mount -o rbind /sys /tree/sys
@@ -142,29 +142,25 @@ def initramfs(modules, build, out_path):
             subprocess.run([program("cpio"), "-o", "-H", "newc", "--quiet"], cwd=root, input=find, stdout=out, check=True)
 
 
-def controller(folder):
-    """The controller's image; its line is a socket."""
-    line = os.path.join(folder, "line")
-    process = subprocess.Popen(
+def controller(elf, line):
+    """The controller's image; its line is the machine's second serial port, a socket."""
+    return subprocess.Popen(
         ["timeout", "-k", "5", str(LIMIT_S)] + realtime() +
-        ["qemu-system-arm", "-M", "mps2-an386", "-kernel", image("qemu_mps2"), "-display", "none", "-monitor", "none",
-         "-icount", "shift=5", "-device", f"loader,addr=0x21000400,data={GAP_US},data-len=4",
-         "-chardev", f"socket,id=line,path={line},server=on,wait=off", "-serial", "chardev:line"],
-        stdin=subprocess.DEVNULL)
-    end = time.monotonic() + 10
-    while not os.path.exists(line) and time.monotonic() < end:
-        time.sleep(0.02)
-    return process, line
+        ["qemu-system-arm", "-M", "mps2-an386", "-kernel", elf, "-display", "none", "-monitor", "none",
+         "-device", f"loader,addr=0x21000400,data={GAP_US},data-len=4",
+         "-chardev", f"socket,id=line,path={line}", "-serial", "chardev:line"],
+        stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def machine(boot, initrd, line):
     return subprocess.Popen(
-        ["timeout", "-k", "5", str(LIMIT_S), "qemu-system-x86_64", "-accel", "tcg,thread=multi", "-cpu", "max", "-smp", "2",
-         "-m", "768", "-display", "none", "-monitor", "none", "-no-reboot", "-nic", "none", "-kernel", boot, "-initrd", initrd,
-         "-append", "console=ttyS0 quiet loglevel=4 panic=1 mitigations=off tsc=nowatchdog",
+        ["timeout", "-k", "5", str(LIMIT_S), "qemu-system-x86_64", "-accel", "tcg,thread=multi,tb-size=256", "-cpu",
+         "Nehalem", "-smp", "2", "-m", "768", "-display", "none", "-monitor", "none", "-no-reboot", "-nic", "none", "-kernel", boot, "-initrd", initrd,
+         "-append", "console=ttyS0 quiet loglevel=4 panic=1 " +
+         "mitigations=off nokaslr rcupdate.rcu_expedited=1 clocksource=hpet",  # a time counter that load cannot mislead
          "-fsdev", "local,id=tree,path=/,security_model=none,readonly=on,multidevs=remap",
          "-device", "virtio-9p-pci,fsdev=tree,mount_tag=tree",
-         "-serial", "stdio", "-chardev", f"socket,id=line,path={line}", "-serial", "chardev:line"],
+         "-serial", "stdio", "-chardev", f"socket,id=line,path={line},server=on,wait=off", "-serial", "chardev:line"],
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
 
 
@@ -172,21 +168,23 @@ def main():
     build = os.path.abspath(sys.argv[1] if len(sys.argv) > 1 else os.environ["SCANCART_BUILD"])
     for name in ("qemu-system-x86_64", "qemu-system-arm", "busybox", "cpio"):
         program(name)
-    folder = kernel()
-    result = None
+    folder, elf = kernel(), image("qemu_mps2")
+    result, running = None, []
     with tempfile.TemporaryDirectory(prefix="scancart-vm-") as scratch:
-        initrd = os.path.join(scratch, "initrd")
+        initrd, line = os.path.join(scratch, "initrd"), os.path.join(scratch, "line")
         initramfs(in_order(folder), build, initrd)
-        slave, line = controller(scratch)
         vm = machine(glob.glob(os.path.join(folder, "boot/vmlinuz-*"))[0], initrd, line)
+        running.append(vm)
         start = time.monotonic()
         try:
             for text in vm.stdout:
                 print(f"{time.monotonic() - start:6.1f} {text.rstrip()}", flush=True)
-                if text.startswith("VM result "):
+                if text.startswith("VM up "):  # the controller would only take time while the kernel boots
+                    running.append(controller(elf, line))
+                elif text.startswith("VM result "):
                     result = int(text.split()[2])
         finally:
-            for process in (vm, slave):
+            for process in running:
                 process.terminate()
                 process.wait()
     if result is None:

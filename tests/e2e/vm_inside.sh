@@ -74,7 +74,7 @@ head: {usb_vendor: 0x1209, usb_product: $product, serial: $serial}
 END
 }
 
-echo "VM $(uname -r) is up after $(cut -d' ' -f1 /proc/uptime) s"
+echo "VM up after $(cut -d' ' -f1 /proc/uptime) s, Linux $(uname -r)"
 gpio_on || { echo "FAILED no GPIO chip"; exit 1; }
 head_on 25000 1 0x0100 || { echo "FAILED no gadget: $(cat $work/head.log)"; exit 1; }
 within 50 test -e /dev/video0 || { echo "FAILED no camera"; exit 1; }
