@@ -128,6 +128,22 @@ static bool play_key(const char *word, const char *rest, uint32_t window_id) {
     return true;
 }
 
+static bool play_type(const char *word, const char *rest) {
+    if (strcmp(word, "type") != 0)
+        return false;
+    for (size_t at = 0; rest[at];) { /* an event holds a few characters */
+        SDL_Event e;
+        memset(&e, 0, sizeof e);
+        e.type = SDL_TEXTINPUT;
+        size_t n = strlen(rest + at), room = sizeof e.text.text - 1;
+        n = n < room ? n : room;
+        memcpy(e.text.text, rest + at, n);
+        (void)SDL_PushEvent(&e);
+        at += n;
+    }
+    return true;
+}
+
 /* One line; out_pause: nothing more in this frame. */
 static bool play_line(struct view_play *play, const char *word, const char *rest,
                       uint32_t window_id, struct view_play_order *order, bool *out_pause) {
@@ -146,7 +162,7 @@ static bool play_line(struct view_play *play, const char *word, const char *rest
     }
     *out_pause = false;
     return play_key(word, rest, window_id) || play_finger(word, rest, window_id) ||
-           play_mouse(word, rest, window_id);
+           play_mouse(word, rest, window_id) || play_type(word, rest);
 }
 
 enum st view_play_step(struct view_play *play, bool still, uint32_t window_id,

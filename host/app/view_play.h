@@ -2,7 +2,7 @@
  *   key NAME          press and release a key (SDL's name of it: "w", "Tab")
  *   hold NAME / free NAME
  *   down X Y [BUTTON] / move X Y / up X Y [BUTTON]     mouse, window pixels; button 1 left, 3 right
- *   wheel N
+ *   wheel N           type TEXT
  *   finger-down ID X Y / finger-move ID X Y / finger-up ID X Y     0..1 of the window
  *   frames N          let N frames pass        still        until nothing is missing any more
  *   shot FILE         save what is on screen   size W H     resize the window

@@ -143,13 +143,13 @@ static enum viewer_action action_of(SDL_Keycode key) {
     static const struct {
         SDL_Keycode key;
         enum viewer_action action;
-    } keys[] = {{SDLK_1, VIEWER_ORBIT},     {SDLK_2, VIEWER_WALK},      {SDLK_3, VIEWER_FLY},
-                {SDLK_4, VIEWER_PLAN},      {SDLK_TAB, VIEWER_STATION}, {SDLK_v, VIEWER_PHOTO},
-                {SDLK_l, VIEWER_LAYER},     {SDLK_u, VIEWER_UNKNOWN},   {SDLK_m, VIEWER_MEASURE},
-                {SDLK_n, VIEWER_NOTE},      {SDLK_c, VIEWER_CLEAR},     {SDLK_o, VIEWER_PARALLEL},
-                {SDLK_F12, VIEWER_SAVE},    {SDLK_t, VIEWER_THEME},     {SDLK_h, VIEWER_HOME},
-                {SDLK_p, VIEWER_PRIMITIVE}, {SDLK_b, VIEWER_BLEND},     {SDLK_i, VIEWER_OVERLAY},
-                {SDLK_ESCAPE, VIEWER_QUIT}};
+    } keys[] = {{SDLK_1, VIEWER_ORBIT}, {SDLK_2, VIEWER_WALK},      {SDLK_3, VIEWER_FLY},
+                {SDLK_4, VIEWER_PLAN},  {SDLK_TAB, VIEWER_STATION}, {SDLK_v, VIEWER_PHOTO},
+                {SDLK_l, VIEWER_LAYER}, {SDLK_u, VIEWER_UNKNOWN},   {SDLK_m, VIEWER_MEASURE},
+                {SDLK_n, VIEWER_NOTE},  {SDLK_c, VIEWER_CLEAR},     {SDLK_o, VIEWER_PARALLEL},
+                {SDLK_k, VIEWER_KEEP},  {SDLK_r, VIEWER_BACK},      {SDLK_F12, VIEWER_SAVE},
+                {SDLK_t, VIEWER_THEME}, {SDLK_h, VIEWER_HOME},      {SDLK_p, VIEWER_PRIMITIVE},
+                {SDLK_b, VIEWER_BLEND}, {SDLK_i, VIEWER_OVERLAY},   {SDLK_ESCAPE, VIEWER_QUIT}};
     for (size_t i = 0; i < sizeof keys / sizeof keys[0]; i++)
         if (keys[i].key == key)
             return keys[i].action;
@@ -221,6 +221,7 @@ static enum st open_window(struct window *w, const struct view_window_options *o
     w->renderer = w->sdl ? SDL_CreateRenderer(w->sdl, -1, SDL_RENDERER_SOFTWARE) : NULL;
     if (!w->renderer)
         return errctx_set(err, ST_UNSUPPORTED, "no window can be opened: %s", SDL_GetError());
+    SDL_StopTextInput(); /* keys are commands until a note is written */
     return fit(w, err);
 }
 
@@ -236,6 +237,13 @@ static void close_window(struct window *w) {
     view_play_close(w->play);
 }
 
+static void on_typed_key(struct window *w, SDL_Keycode key) {
+    if (key == SDLK_BACKSPACE)
+        viewer_type(w->viewer, "\b");
+    else if (key == SDLK_RETURN || key == SDLK_KP_ENTER || key == SDLK_ESCAPE)
+        viewer_type(w->viewer, "\n");
+}
+
 static void on_event(struct window *w, const SDL_Event *e) {
     if (e->type == SDL_QUIT)
         w->viewer->quit = true;
@@ -243,6 +251,10 @@ static void on_event(struct window *w, const SDL_Event *e) {
         w->exposed = true;
     else if (e->type == SDL_RENDER_TARGETS_RESET || e->type == SDL_RENDER_DEVICE_RESET)
         w->exposed = true;
+    else if (e->type == SDL_TEXTINPUT)
+        viewer_type(w->viewer, e->text.text);
+    else if (w->viewer->typing && e->type == SDL_KEYDOWN)
+        on_typed_key(w, e->key.keysym.sym);
     else if (e->type == SDL_KEYDOWN || e->type == SDL_KEYUP) {
         bool down = e->type == SDL_KEYDOWN;
         if (e->key.keysym.scancode < SDL_NUM_SCANCODES)
@@ -296,6 +308,8 @@ static enum st loop(struct window *w, struct errctx *err) {
         bool got = busy ? SDL_PollEvent(&e) : SDL_WaitEventTimeout(&e, IDLE_MS);
         for (; got; got = SDL_PollEvent(&e))
             on_event(w, &e);
+        if (w->viewer->typing != (SDL_IsTextInputActive() == SDL_TRUE))
+            (w->viewer->typing ? SDL_StartTextInput : SDL_StopTextInput)();
         walk(w);
         st = fit(w, err);
         if (!st && (w->play || w->exposed || viewer_wants_frame(w->viewer)))

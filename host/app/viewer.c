@@ -134,6 +134,12 @@ enum st viewer_open(struct site *site, const struct viewer_options *options, str
         viewer_close(v);
         return st;
     }
+    struct errctx ignored = {0};
+    v->kept_view = -1;
+    if (view_notes_load(options->path, &v->notes, &ignored)) {
+        v->notes_foreign = true;
+        viewer_say(v, "%s", ignored.text);
+    }
     const char *why;
     int left_out = view_source_left_out(v->source, &why);
     if (left_out)
@@ -379,7 +385,7 @@ static void say_measure(struct viewer *v) {
     const struct view_point *p[3];
     int n = 0;
     const char *unit = view_source_is_metric(v->source) ? "m" : "baselines";
-    for (int i = v->mark_count - 1; i >= 0 && n < 3 && !v->marks[i].note; i--)
+    for (int i = v->mark_count - 1; i >= 0 && n < 3; i--)
         p[n++] = &v->marks[i].point;
     if (n == 1) {
         double half = 1.959963985 * p[0]->sigma_m;
@@ -406,6 +412,8 @@ void viewer_tap(struct viewer *v, double x_px, double y_px) {
         viewer_say(v, "%s", err.text);
         return;
     }
+    v->last_point = point;
+    v->has_last_point = true;
     if (!v->measuring) {
         v->pilot.pivot_m = point.p_m;
         viewer_say(v, "turning around this point, %.2f m away",
@@ -416,8 +424,80 @@ void viewer_tap(struct viewer *v, double x_px, double y_px) {
         memmove(v->marks, v->marks + 1, sizeof v->marks[0] * (VIEWER_POINTS_MAX - 1));
         v->mark_count--;
     }
-    v->marks[v->mark_count++] = (struct viewer_mark){point, false};
+    v->marks[v->mark_count++] = (struct viewer_mark){point};
     say_measure(v);
+}
+
+/* ---- notes and kept views ---- */
+
+static void save_notes(struct viewer *v, const char *what) {
+    struct errctx err = {0};
+    if (v->notes_foreign)
+        viewer_say(v, "not kept: the notes' file beside the site is not the viewer's");
+    else if (view_notes_save(v->options.path, &v->notes, &err))
+        viewer_say(v, "%s", err.text);
+    else
+        viewer_say(v, "%s", what);
+}
+
+static void begin_note(struct viewer *v) {
+    if (!v->has_last_point || v->notes.note_count == VIEW_NOTES_MAX) {
+        viewer_say(v, v->has_last_point ? "there is no room for more notes"
+                                        : "tap the place of the note first");
+        return;
+    }
+    struct view_note *note = &v->notes.notes[v->notes.note_count++];
+    note->p_m = v->last_point.p_m;
+    note->text[0] = '\0';
+    v->typing = true;
+    viewer_say(v, "type the note, Enter ends it");
+}
+
+static void end_note(struct viewer *v) {
+    v->typing = false;
+    if (!v->notes.notes[v->notes.note_count - 1].text[0])
+        v->notes.note_count--;
+    else
+        save_notes(v, "note kept");
+}
+
+void viewer_type(struct viewer *v, const char *utf8) {
+    if (!v->typing)
+        return;
+    char *text = v->notes.notes[v->notes.note_count - 1].text;
+    size_t n = strlen(text);
+    v->moved_ns = clock_now_ns();
+    v->refined = false;
+    if (!strcmp(utf8, "\n")) {
+        end_note(v);
+    } else if (!strcmp(utf8, "\b")) {
+        while (n > 0 && ((unsigned char)text[n - 1] & 0xc0) == 0x80)
+            n--; /* the whole of a UTF-8 character */
+        text[n > 0 ? n - 1 : 0] = '\0';
+    } else if (n + strlen(utf8) < VIEW_NOTES_TEXT) {
+        memcpy(text + n, utf8, strlen(utf8) + 1);
+    }
+}
+
+static void keep_view(struct viewer *v) {
+    if (v->notes.view_count == VIEW_NOTES_VIEWS_MAX) {
+        viewer_say(v, "there is no room for more views");
+        return;
+    }
+    v->notes.views[v->notes.view_count++] = v->pilot;
+    char text[60];
+    (void)snprintf(text, sizeof text, "view %d kept: Back returns to it", v->notes.view_count);
+    save_notes(v, text);
+}
+
+static void go_back(struct viewer *v) {
+    if (!v->notes.view_count) {
+        viewer_say(v, "no view has been kept yet");
+        return;
+    }
+    v->kept_view = (v->kept_view + 1) % v->notes.view_count;
+    v->pilot = v->notes.views[v->kept_view];
+    viewer_say(v, "view %d of %d", v->kept_view + 1, v->notes.view_count);
 }
 
 static void set_mode(struct viewer *v, enum view_mode mode) {
@@ -455,6 +535,8 @@ static void act_shown(struct viewer *v, enum viewer_action action) {
 }
 
 void viewer_act(struct viewer *v, enum viewer_action action) {
+    if (v->typing && action != VIEWER_NONE)
+        end_note(v);
     switch (action) {
     case VIEWER_NONE:
         return;
@@ -470,8 +552,13 @@ void viewer_act(struct viewer *v, enum viewer_action action) {
                                    : "tap to turn around a point");
         break;
     case VIEWER_NOTE:
-        if (v->mark_count)
-            v->marks[v->mark_count - 1].note = true;
+        begin_note(v);
+        break;
+    case VIEWER_KEEP:
+        keep_view(v);
+        break;
+    case VIEWER_BACK:
+        go_back(v);
         break;
     case VIEWER_CLEAR:
         v->mark_count = 0;

@@ -3,6 +3,7 @@
 #ifndef SC_APP_VIEWER_H
 #define SC_APP_VIEWER_H
 
+#include "app/view_notes.h"
 #include "app/view_source.h"
 #include "base/image.h"
 #include "base/text.h"
@@ -27,7 +28,9 @@ enum viewer_action {
     VIEWER_UNKNOWN,  /* show, hide, only */
     VIEWER_PARALLEL, /* or perspective */
     VIEWER_MEASURE,
-    VIEWER_NOTE, /* a mark at the last measured point */
+    VIEWER_NOTE, /* at the last point: what is typed next */
+    VIEWER_KEEP, /* this view */
+    VIEWER_BACK, /* to the next of the kept views */
     VIEWER_CLEAR,
     VIEWER_STATION, /* the next stand */
     VIEWER_PHOTO,   /* the next photograph's own view */
@@ -47,10 +50,9 @@ struct viewer_options {
     bool from_photos, day;
 };
 
-/* A mark in space. */
+/* A measured point. */
 struct viewer_mark {
     struct view_point point;
-    bool note; /* else part of a measurement */
 };
 
 struct viewer {
@@ -66,6 +68,12 @@ struct viewer {
     enum viewer_unknown unknown;
     enum viewer_blend blend;
     bool measuring, overlay, quit, save_wanted;
+    struct view_notes notes;
+    bool typing;        /* the last note is being written */
+    bool notes_foreign; /* the notes' file is not ours: nothing is written over it */
+    int kept_view;      /* last gone back to */
+    struct view_point last_point;
+    bool has_last_point;
     struct viewer_mark marks[VIEWER_POINTS_MAX];
     int mark_count;
     int station, photo; /* last gone to; -1 */
@@ -110,6 +118,8 @@ void viewer_act(struct viewer *viewer, enum viewer_action action);
 /* The eye moved: the next frames may be coarse. */
 void viewer_moved(struct viewer *viewer);
 void viewer_say(struct viewer *viewer, const char *fmt, ...) ST_PRINTF(2, 3);
+/* Text for the note that is being written; "\b" takes a character away, "\n" ends it. */
+void viewer_type(struct viewer *viewer, const char *utf8);
 /* A tap or click that hit no button: measures, or makes the place the pivot. */
 void viewer_tap(struct viewer *viewer, double x_px, double y_px);
 

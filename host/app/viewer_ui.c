@@ -14,11 +14,12 @@ struct button {
 
 /* Along the left side, for a thumb; the order of a day's work. */
 static const struct button buttons[] = {
-    {VIEWER_ORBIT, "Orbit"},     {VIEWER_WALK, "Walk"},         {VIEWER_FLY, "Fly"},
-    {VIEWER_PLAN, "Plan"},       {VIEWER_STATION, "Stand"},     {VIEWER_PHOTO, "Photo"},
-    {VIEWER_LAYER, "Layer"},     {VIEWER_UNKNOWN, "Unknown"},   {VIEWER_MEASURE, "Measure"},
-    {VIEWER_CLEAR, "Clear"},     {VIEWER_PARALLEL, "Parallel"}, {VIEWER_SAVE, "Save"},
-    {VIEWER_THEME, "Day/night"}, {VIEWER_HOME, "Home"},
+    {VIEWER_ORBIT, "Orbit"}, {VIEWER_WALK, "Walk"},       {VIEWER_FLY, "Fly"},
+    {VIEWER_PLAN, "Plan"},   {VIEWER_STATION, "Stand"},   {VIEWER_PHOTO, "Photo"},
+    {VIEWER_LAYER, "Layer"}, {VIEWER_UNKNOWN, "Unknown"}, {VIEWER_MEASURE, "Measure"},
+    {VIEWER_NOTE, "Note"},   {VIEWER_CLEAR, "Clear"},     {VIEWER_KEEP, "Keep"},
+    {VIEWER_BACK, "Back"},   {VIEWER_SAVE, "Picture"},    {VIEWER_THEME, "Day/night"},
+    {VIEWER_HOME, "Home"},
 };
 enum { BUTTONS = sizeof buttons / sizeof buttons[0], COLUMNS_MAX = 2 };
 
@@ -29,7 +30,7 @@ struct layout {
 
 static struct layout layout_of(int32_t width_px, int32_t height_px) {
     struct layout l = {.columns = 1};
-    l.unit_px = fmax(44.0, fmin(72.0, height_px / 14.5));
+    l.unit_px = fmax(44.0, fmin(72.0, height_px / 16.2));
     l.rows = (int32_t)(height_px / l.unit_px);
     l.rows = l.rows < 1 ? 1 : l.rows > BUTTONS ? BUTTONS : l.rows;
     l.columns = (BUTTONS + l.rows - 1) / l.rows;
@@ -91,6 +92,7 @@ static bool is_on(const struct viewer *v, enum viewer_action action) {
         return (int)v->pilot.mode == (int)action - (int)VIEWER_ORBIT;
     return (action == VIEWER_MEASURE && v->measuring) ||
            (action == VIEWER_PARALLEL && v->pilot.parallel) ||
+           (action == VIEWER_NOTE && v->typing) ||
            (action == VIEWER_LAYER && v->quality.layer != VIEW_LAYER_COLOUR) ||
            (action == VIEWER_UNKNOWN && v->unknown == VIEWER_UNKNOWN_ONLY);
 }
@@ -149,7 +151,7 @@ static void draw_marks(struct viewer *v, struct image_u8 *im) {
         double x, y;
         const struct viewer_mark *m = &v->marks[i];
         bool seen = project(&v->view, m->point.p_m, &x, &y);
-        if (seen && before && !m->note) {
+        if (seen && before) {
             line(im, before_x, before_y, x, y, 2.5, black);
             line(im, before_x, before_y, x, y, 1.5, t->accent);
             struct view_value d =
@@ -162,14 +164,27 @@ static void draw_marks(struct viewer *v, struct image_u8 *im) {
         if (seen) {
             fill(im, (int32_t)x - 7, (int32_t)y - 7, 14, 14, black, 1.0);
             fill(im, (int32_t)x - 5, (int32_t)y - 5, 10, 10, t->accent, 1.0);
-            char text[24];
-            (void)snprintf(text, sizeof text, "note %d", i + 1);
-            if (m->note)
-                label(v, im, x + 12, y - 8, 20.0, text);
         }
-        before = seen && !m->note;
+        before = seen;
         before_x = x;
         before_y = y;
+    }
+}
+
+/* A pin at each note's place, its text beside it. */
+static void draw_notes(struct viewer *v, struct image_u8 *im) {
+    static const uint8_t black[3] = {0, 0, 0};
+    for (int i = 0; i < v->notes.note_count; i++) {
+        double x, y;
+        const struct view_note *note = &v->notes.notes[i];
+        bool writing = v->typing && i + 1 == v->notes.note_count;
+        if (!project(&v->view, note->p_m, &x, &y))
+            continue;
+        line(im, x, y, x + 16, y - 30, 1.5, black);
+        fill(im, (int32_t)x - 4, (int32_t)y - 4, 8, 8, theme_of(v)->accent, 1.0);
+        char text[VIEW_NOTES_TEXT + 4];
+        (void)snprintf(text, sizeof text, "%s%s", note->text, writing ? "_" : "");
+        label(v, im, x + 22, y - 30, 20.0, text);
     }
 }
 
@@ -254,6 +269,7 @@ void viewer_ui_draw(struct viewer *v, struct image_u8 *im) {
         return;
     if (v->pilot.mode == VIEW_PLAN)
         draw_stands(v, im);
+    draw_notes(v, im);
     draw_marks(v, im);
     draw_scale(v, im);
     draw_buttons(v, im);
