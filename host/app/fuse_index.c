@@ -1,6 +1,7 @@
 #include "app/fuse_index.h"
 
 #include "base/clock_fit.h"
+#include "base/clock_solve.h"
 #include "base/edge_record.h"
 #include "firmware/shared/idxevent.h"
 #include "site/stream.h"
@@ -231,14 +232,159 @@ static enum st to_sweep(const struct events *e, const struct clock_fit *fit,
     return ST_OK;
 }
 
-enum st fuse_index_read(struct site *site, int64_t station_id, struct sweep_index **out_index,
-                        size_t *out_count, struct job_hash *out_input, struct errctx *err) {
+/* ---- by the clocks ---- */
+
+static uint16_t flags_of(uint16_t wire) {
+    static const struct {
+        unsigned wire, flag;
+    } same[] = {{IDXEVENT_PAN_MOVING, INDEX_EVENT_PAN_MOVING},
+                {IDXEVENT_TILT_MOVING, INDEX_EVENT_TILT_MOVING},
+                {IDXEVENT_PAN_POSITIVE, INDEX_EVENT_PAN_POSITIVE},
+                {IDXEVENT_PAN_TAKEN_UP, INDEX_EVENT_PAN_TAKEN_UP},
+                {IDXEVENT_SWEEP, INDEX_EVENT_SWEEP}};
+    unsigned flags = 0;
+    for (size_t i = 0; i < sizeof same / sizeof same[0]; i++)
+        flags |= wire & same[i].wire ? same[i].flag : 0u;
+    return (uint16_t)flags;
+}
+
+static struct index_event index_event_of(const struct idxevent *e) {
+    double part = e->pan_phase / 65536.0;
+    return (struct index_event){.seq = e->seq,
+                                .t_ns = event_ns(e),
+                                .revolution = e->revolution,
+                                .pan_steps = (double)e->pan_steps +
+                                             (e->flags & IDXEVENT_PAN_POSITIVE ? part : -part),
+                                .tilt_steps = e->tilt_steps,
+                                .kind = e->flags & IDXEVENT_KIND,
+                                .flags = flags_of(e->flags)};
+}
+
+/* Events between the first and the last of a chunk came about as late as the first. */
+static enum st solve_events(struct clock_solve *solve, const struct stream_chunk *chunk) {
+    size_t n = chunk->size_bytes / EVENT_BYTES;
+    int64_t first_ns = 0;
+    enum st st = ST_OK;
+    for (size_t i = 0; !st && i < n; i++) {
+        struct idxevent event = event_at((const uint8_t *)chunk->payload + i * EVENT_BYTES);
+        struct index_event e = index_event_of(&event);
+        first_ns = i ? first_ns : e.t_ns;
+        int64_t t_ns = chunk->t_first_ns + (e.t_ns - first_ns);
+        t_ns = i + 1 == n || t_ns > chunk->t_last_ns ? chunk->t_last_ns : t_ns;
+        st = clock_solve_event(solve, &e, t_ns < chunk->t_first_ns ? chunk->t_first_ns : t_ns);
+    }
+    return st;
+}
+
+static enum st solve_edges(struct clock_solve *solve, const struct stream_chunk *chunk) {
+    enum st st = ST_OK;
+    for (size_t at = 0; !st && at + EDGE_RECORD_BYTES <= chunk->size_bytes;
+         at += EDGE_RECORD_BYTES) {
+        struct edge_record edge = edge_record_decode((const uint8_t *)chunk->payload + at);
+        if (edge.line == EDGE_RECORD_INDEX && edge.rising)
+            st = clock_solve_edge(solve, edge.t_ns);
+    }
+    return st;
+}
+
+/* Head time of the last packet of a chunk. */
+static int64_t last_head_ns(const struct stream_chunk *chunk, size_t at) {
+    struct head_stream_stats stats = {0};
+    struct head_packet packet;
+    int64_t t_ns = 0;
+    while (!head_stream_next(chunk->payload, chunk->size_bytes, &at, &packet, &stats))
+        t_ns = packet.head_t_ns + (int64_t)packet.sample_count * packet.interval_ns;
+    return t_ns;
+}
+
+/* The host's time of each packet: from the chunk's first and the head's own clock; from its last
+ * after a reset. */
+static enum st solve_packets(struct clock_solve *solve, const struct stream_chunk *chunk) {
+    struct head_stream_stats stats = {0};
+    struct head_packet packet;
+    int64_t ahead_ns = 0;
+    size_t at = 0;
+    bool first = true;
+    enum st st = ST_OK;
+    while (!st && !head_stream_next(chunk->payload, chunk->size_bytes, &at, &packet, &stats)) {
+        if (first)
+            ahead_ns = chunk->t_first_ns - packet.head_t_ns;
+        else if (packet.flags & HEAD_PACKET_RESET)
+            ahead_ns = chunk->t_last_ns - last_head_ns(chunk, at);
+        first = false;
+        st = clock_solve_packet(solve, &packet, packet.head_t_ns + ahead_ns);
+    }
+    return st;
+}
+
+/* All chunks of a kind of stream; none is no failure. */
+static enum st solve_stream(struct site *site, int64_t station_id, const char *kind,
+                            enum st (*take)(struct clock_solve *solve,
+                                            const struct stream_chunk *chunk),
+                            struct clock_solve *solve, struct errctx *err) {
     struct stream stream;
-    struct stream_state state;
-    struct events e = {0};
+    struct stream_reader *reader = NULL;
+    enum st st = stream_find(site, station_id, kind, NULL, &stream, err);
+    if (!st)
+        st = stream_reader_open(site, stream.id, 0, &reader, err);
+    while (!st) {
+        struct stream_chunk chunk;
+        st = stream_reader_next(reader, &chunk, err);
+        if (st == ST_DAMAGED) { /* the others are as good as ever */
+            st = ST_OK;
+            continue;
+        }
+        if (!st && (st = take(solve, &chunk)))
+            (void)errctx_set(err, st, "no memory for the clocks of the station");
+    }
+    stream_reader_close(reader);
+    return st == ST_NOT_FOUND ? ST_OK : st;
+}
+
+static enum st by_clocks(struct site *site, int64_t station_id, struct clock_solution *out,
+                         struct errctx *err) {
+    struct clock_solve *solve = calloc(1, sizeof *solve);
+    struct cart_clock_params params = cart_clock_params_default();
+    if (!solve)
+        return errctx_set(err, ST_NOMEM, "no memory for the clocks of the station");
+    enum st st = solve_stream(site, station_id, "index", solve_events, solve, err);
+    if (!st)
+        st = solve_stream(site, station_id, "gpio", solve_edges, solve, err);
+    if (!st)
+        st = solve_stream(site, station_id, "head", solve_packets, solve, err);
+    if (!st && (st = clock_solve_make(solve, &params, out)))
+        (void)errctx_set(err, st, "no memory for the clocks of the station");
+    clock_solve_fini(solve);
+    free(solve);
+    return st;
+}
+
+/* ---- by arrival alone ---- */
+
+static enum st by_arrival(struct site *site, int64_t station_id, struct events *e,
+                          struct sweep_index **out_index, size_t *out_count, struct errctx *err) {
     int64_t *edges = NULL;
     size_t edge_count = 0;
     struct clock_fit fit;
+    enum st st = clock_fit_make(e->from_ns, e->to_ns, e->pair_count, &fit);
+    if (st)
+        return errctx_set(err, st, "the controller's clock does not fit the host's");
+    st = read_edges(site, station_id, &edges, &edge_count, err);
+    if (!st)
+        st = refine(e, edges, edge_count, &fit);
+    if (!st && (st = to_sweep(e, &fit, out_index, out_count)))
+        (void)errctx_set(err, st, "no memory for %zu index events", e->count);
+    free(edges);
+    return st;
+}
+
+enum st fuse_index_read(struct site *site, int64_t station_id, struct sweep_index **out_index,
+                        size_t *out_count, struct job_hash *out_input,
+                        struct cart_clock_report *out_report, struct errctx *err) {
+    struct stream stream;
+    struct stream_state state;
+    struct events e = {0};
+    struct clock_solution solution = {0};
     enum st st = stream_find(site, station_id, "index", NULL, &stream, err);
     if (!st)
         st = stream_get_state(site, stream.id, &state, err);
@@ -247,20 +393,20 @@ enum st fuse_index_read(struct site *site, int64_t station_id, struct sweep_inde
     if (!st && e.count < 2)
         st = errctx_set(err, ST_NOT_FOUND,
                         "the station has %zu index pulses: no sample can be placed", e.count);
-    if (!st && (st = clock_fit_make(e.from_ns, e.to_ns, e.pair_count, &fit)))
-        (void)errctx_set(err, st, "the controller's clock does not fit the host's");
     if (!st)
-        st = read_edges(site, station_id, &edges, &edge_count, err);
-    if (!st)
-        st = refine(&e, edges, edge_count, &fit);
-    if (!st && (st = to_sweep(&e, &fit, out_index, out_count)))
-        (void)errctx_set(err, st, "no memory for %zu index events", e.count);
+        st = by_clocks(site, station_id, &solution, err);
+    if (!st && !solution.count)
+        st = by_arrival(site, station_id, &e, &solution.index, &solution.count, err);
     if (!st) {
+        *out_index = solution.index;
+        *out_count = solution.count;
+        *out_report = solution.report;
+        solution.index = NULL;
         memset(out_input, 0, sizeof *out_input);
         (void)snprintf(out_input->role, sizeof out_input->role, "index");
         memcpy(out_input->sha256, state.chain, sizeof out_input->sha256);
     }
-    free(edges);
+    clock_solution_fini(&solution);
     events_fini(&e);
     return st;
 }

@@ -222,7 +222,8 @@ static enum st open_head(struct fuse_source *s, int64_t station_id,
         st = rig_yaml_read(text, record.size_bytes, record.name, &s->rig, err);
     free(text);
     if (!st)
-        st = fuse_index_read(s->site, station_id, &s->index, &s->index_count, &index_input, err);
+        st = fuse_index_read(s->site, station_id, &s->index, &s->index_count, &index_input,
+                             &s->clock, err);
     if (st)
         return st;
     s->calibration = fuse_source_status_name(record.status);

@@ -3,6 +3,7 @@
 #ifndef SC_APP_FUSE_SOURCE_H
 #define SC_APP_FUSE_SOURCE_H
 
+#include "base/cart_clock.h"
 #include "base/st.h"
 #include "base/vec.h"
 #include "fusion/rays.h"
@@ -27,6 +28,7 @@ struct fuse_source {
     struct noise_model noise;
     struct rays_counts counts; /* of the last pass; head streams only */
     int64_t damaged_packets;   /* bytes that were no packet are skipped */
+    struct cart_clock_report clock; /* head streams only; head.pairs 0: placed by arrival alone */
     const char *calibration;   /* "estimated", "nominal", "true"; "none" for imports */
     /* private */
     struct scatter_source source;
