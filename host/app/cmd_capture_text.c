@@ -287,11 +287,10 @@ static enum st keep(struct site *site, const struct station *station, const stru
         resume->photos, (unsigned long long)t->samples,
         (unsigned long long)head_ledger_lost_samples(t), (unsigned long long)t->not_sent,
         (unsigned long long)t->returns, (unsigned long long)t->no_returns,
-        (unsigned long long)t->dropped, (long long)r->ledger_packets,
-        known(r->sphere_covered), known(r->sphere_returned),
-        known(clock ? c->head.rms_ns * 1e-3 : -1), known(clock ? c->host.rms_ns * 1e-3 : -1),
-        known(r->mirror_hz), known(r->mirror_hz_sigma), known(r->pan_step),
-        known(r->pan_step_sigma));
+        (unsigned long long)t->dropped, (long long)r->ledger_packets, known(r->sphere_covered),
+        known(r->sphere_returned), known(clock ? c->head.rms_ns * 1e-3 : -1),
+        known(clock ? c->host.rms_ns * 1e-3 : -1), known(r->mirror_hz), known(r->mirror_hz_sigma),
+        known(r->pan_step), known(r->pan_step_sigma));
     return custody_add(site, "capture.report", detail, err);
 }
 
