@@ -45,7 +45,7 @@ struct run {
     int64_t station_id, calib_id;
     bool listening, sweeping;
     int64_t shown_ms; /* cart time that the progress bar has */
-    double error_sum_m, error_sum2_m2, turned_rad, last_rad;
+    double error_sum_m, error_sum2_m2, turned_rad, last_rad, panned_rad, last_pan_rad;
     uint64_t errors;
 };
 
@@ -106,9 +106,12 @@ static enum st take_shot(void *ctx, const struct cart_shot *shot, struct errctx 
     struct run *r = ctx;
     if (!r->listening)
         return ST_OK;
-    if (r->sweeping && r->last_rad > 0)
+    if (r->sweeping && r->last_rad > 0) {
         r->turned_rad += shot->state.mirror_rad - r->last_rad;
+        r->panned_rad += fabs(shot->state.pan_rad - r->last_pan_rad);
+    }
     r->last_rad = r->sweeping ? shot->state.mirror_rad : 0;
+    r->last_pan_rad = shot->state.pan_rad;
     count_shot(r, shot);
     if (r->picture.range_m)
         twin_picture_add(&r->picture, shot, &r->out->true_pose);
@@ -133,8 +136,8 @@ static enum st time_passed(void *ctx, int64_t now_ns, struct errctx *err) {
     return ST_OK;
 }
 
-/* From the first sweep on all is kept, also what the head sends while the controller recovers from a
- * fault. */
+/* From the first sweep on all is kept, also what the head sends while the controller recovers from
+ * a fault. */
 static void note_sweeping(void *ctx, bool on) {
     struct run *r = ctx;
     int64_t now_ns = cart_time_ns(r->cart);
@@ -360,8 +363,7 @@ static void summarise(struct run *r) {
     out->mirror_hz = out->sweep_s > 0 ? turns / out->sweep_s : 0;
     double rate = real(r->scan, TWIN_CONFIG_SAMPLE_RATE);
     out->samples_a_deg_mirror = out->mirror_hz > 0 ? rate / out->mirror_hz / 360 : 0;
-    out->samples_a_deg_pan =
-        real(r->scan, TWIN_CONFIG_PAN_STEPS) / 360 / real(r->scan, TWIN_CONFIG_PAN_PER_REV);
+    out->samples_a_deg_pan = r->panned_rad > 0 ? turns / (r->panned_rad * 180 / pi) : 0;
     if (!r->errors)
         return;
     double n = (double)r->errors, mean = r->error_sum_m / n;

@@ -148,6 +148,7 @@ static void a_scan_fills_a_site_whose_samples_are_where_they_were_measured(void 
     assert_true(llabs(all.samples - (int64_t)r->out[0].samples) <= HEAD_PACKET_MAX_SAMPLES);
     assert_int_equal(r->out[0].frames, 3);
     assert_true(fabs(r->out[0].mirror_hz - 4) < 0.1);
+    assert_true(fabs(r->out[0].samples_a_deg_pan - 28078.0 / 360 / 4) < 0.5);
     size_t size = 0;
     uint8_t *events = stream_of(r, "index", &size);
     assert_true(size >= 28 * 20);
