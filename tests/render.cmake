@@ -17,3 +17,5 @@ scancart_test(test_tile_cache SOURCES unit/test_tile_cache.c support/view_fake.c
   DEPS sc_render sc_raster sc_base LABELS unit)
 scancart_test(test_view_scene SOURCES unit/test_view_scene.c support/view_fake.c
   DEPS sc_render sc_raster sc_base LABELS unit)
+scancart_test(prop_render_extremes SOURCES prop/prop_render_extremes.c support/render_scenes.c support/room.c
+  DEPS sc_render sc_raster sc_base LABELS "prop;gl" TIMEOUT 240)

@@ -3,8 +3,11 @@
 
 SDL's dummy display shows nothing and needs nothing; with Xvfb and xdotool about, the same window is also
 driven through a real X server. Run by ctest with SCANCART_BIN set."""
+import fcntl
+import json
 import os
 import shutil
+import sqlite3
 import struct
 import subprocess
 import sys
@@ -18,7 +21,7 @@ W, H = 96, 72
 def run(args, want=0, **env):
     done = subprocess.run([BIN] + args, capture_output=True, text=True, timeout=100,
                           env={**os.environ, **env})
-    assert done.returncode == want, f"{args}: exit {done.returncode}, {done.stderr}"
+    assert want is None or done.returncode == want, f"{args}: exit {done.returncode}, {done.stderr}"
     return done.stdout + done.stderr
 
 
@@ -78,6 +81,76 @@ def bad_input_is_said(site, folder):
     assert "nothing to show" in run(["view", empty, "--cpu"], 1, SDL_VIDEODRIVER="dummy")
 
 
+def notes_and_views_are_kept(site, folder):
+    with open(folder + "/notes.txt", "w") as f:
+        f.write("still\ndown 820 250\nup 820 250\nkey N\ntype a crack\nkey Return\nkey K\n"
+                "frames 2\nquit\n")
+    run(["view", site, "--cpu", "--play", folder + "/notes.txt"], SDL_VIDEODRIVER="dummy")
+    kept = json.loads(read(site + ".notes.json"))
+    assert kept["notes"][0]["text"] == "a crack" and len(kept["views"]) == 1, kept
+    with open(folder + "/back.txt", "w") as f:
+        f.write(f"still\nshot {folder}/n0.png\nkey 4\nstill\nkey R\nstill\nframes 2\n"
+                f"shot {folder}/n1.png\nquit\n")
+    run(["view", site, "--cpu", "--play", folder + "/back.txt"], SDL_VIDEODRIVER="dummy")
+    assert read(folder + "/n0.png") != read(folder + "/n1.png")  # says which view it is
+    with open(site + ".notes.json", "w") as f:
+        f.write("[1, 2")
+    run(["view", site, "--cpu", "--play", folder + "/notes.txt"], SDL_VIDEODRIVER="dummy")
+    assert read(site + ".notes.json") == b"[1, 2", "somebody's file was written over"
+    os.remove(site + ".notes.json")
+
+
+def damaged_tile_is_said_and_the_rest_shown(site, folder):
+    """A pack with a byte turned over in its last tile: the picture changes little or not at all."""
+    broken = folder + "/broken"
+    shutil.copytree(site, broken)
+    run(["fuse", broken])
+    run(["fly", broken, "--cpu", "-o", folder + "/whole", "--seconds", "1", "--fps", "1", "--size", "320x240"])
+    pack = os.path.join(broken, "tiles", os.listdir(broken + "/tiles")[0])
+    data = bytearray(read(pack))
+    data[-20] ^= 0xff
+    os.chmod(pack, 0o644)
+    with open(pack, "wb") as f:
+        f.write(data)
+    out = run(["fly", broken, "--cpu", "--live", "--seconds", "1", "--size", "640x480", "--json"])
+    assert json.loads(out)["damaged_tiles"] == 1, out
+    run(["fly", broken, "--cpu", "-o", folder + "/part", "--seconds", "1", "--fps", "1", "--size", "320x240"])
+    assert len(read(folder + "/part/00000.png")) > 0.5 * len(read(folder + "/whole/00000.png"))
+    with open(pack, "wb") as f:  # no pack at all: the photographs still show everything
+        f.write(b"nonsense")
+    run(["fly", broken, "--cpu", "-o", folder + "/photos", "--seconds", "1", "--fps", "1", "--size", "320x240"])
+    assert len(read(folder + "/photos/00000.png")) > 0.5 * len(read(folder + "/whole/00000.png"))
+
+
+def site_that_is_written_is_shown(site, folder):
+    """Another process holds the site's write lock and has written what is not committed yet."""
+    writer = sqlite3.connect(site + "/site.db", isolation_level=None)
+    writer.execute("BEGIN IMMEDIATE")
+    writer.execute("CREATE TABLE half_done (x INTEGER)")
+    lock = open(site + "/writer.lock", "a")
+    fcntl.lockf(lock, fcntl.LOCK_EX)
+    try:
+        run(["fly", site, "--cpu", "-o", folder + "/busy", "--seconds", "1", "--fps", "1", "--size", "160x90"])
+        assert os.listdir(folder + "/busy") == ["00000.png"]
+    finally:
+        writer.execute("ROLLBACK")
+        writer.close()
+        lock.close()
+
+
+def no_gl_falls_back_and_says_so(site, folder):
+    shots = []
+    with open(folder + "/nogl.txt", "w") as f:
+        f.write(f"frames 3\nshot {folder}/nogl.png\nquit\n")
+    run(["view", site, "--play", folder + "/nogl.txt"], SDL_VIDEODRIVER="dummy", SCANCART_NO_GL="1")
+    # A GL of version 2 only: Mesa can be told to be that old.
+    for path in ("--gl", "--gl31"):
+        text = run(["view", site, path, "--play", folder + "/nogl.txt"], None, SDL_VIDEODRIVER="dummy",
+                   MESA_GLES_VERSION_OVERRIDE="2.0")
+        shots.append("OpenGL ES 3" in text or "EGL" in text)
+    print("with GLES 2 only:", "refused with a reason" if all(shots) else "this GL does not pretend to be old")
+
+
 def flight_is_saved(site, folder):
     out = folder + "/flight"
     run(["fly", site, "--cpu", "-o", out, "--seconds", "1", "--fps", "3", "--size", "160x90"])
@@ -116,6 +189,10 @@ def main():
         site = make_site(folder)
         hands_change_the_picture(site, folder)
         bad_input_is_said(site, folder)
+        notes_and_views_are_kept(site, folder)
+        damaged_tile_is_said_and_the_rest_shown(site, folder)
+        site_that_is_written_is_shown(site, folder)
+        no_gl_falls_back_and_says_so(site, folder)
         flight_is_saved(site, folder)
         real_window_obeys_xdotool(site)
     print("view_window: all as it should be")
