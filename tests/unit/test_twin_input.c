@@ -167,6 +167,66 @@ static void obj_and_ply_meshes_are_read(void **state) {
     mesh_fini(&mesh);
 }
 
+/* Appends a value of `size` bytes in the wanted order of bytes. */
+static void put(uint8_t *out, size_t *at, const void *value, size_t size, bool big) {
+    for (size_t i = 0; i < size; i++)
+        out[*at + i] = ((const uint8_t *)value)[big ? size - 1 - i : i];
+    *at += size;
+}
+
+/* Two squares: doubles with a colour, indices of `wide` or 16 bits, a scalar before the list. */
+static size_t binary_ply(uint8_t *out, bool big, bool wide) {
+    int n = sprintf((char *)out,
+                    "ply\nformat binary_%s_endian 1.0\nelement vertex 6\nproperty double x\n"
+                    "property double y\nproperty double z\nproperty uchar red\nelement face 2\n"
+                    "property short group\nproperty list uchar %s vertex_index\nend_header\n",
+                    big ? "big" : "little", wide ? "uint" : "ushort");
+    size_t at = (size_t)n;
+    for (int i = 0; i < 6; i++) {
+        double p[3] = {i % 3, i / 3, 0.25 * i};
+        uint8_t red = 200;
+        for (int k = 0; k < 3; k++)
+            put(out, &at, &p[k], sizeof p[k], big);
+        put(out, &at, &red, 1, big);
+    }
+    static const uint32_t face[2][4] = {{0, 1, 4, 3}, {1, 2, 5, 4}};
+    for (int f = 0; f < 2; f++) {
+        int16_t group = 7;
+        uint8_t corners = 4;
+        put(out, &at, &group, sizeof group, big);
+        put(out, &at, &corners, 1, big);
+        for (int k = 0; k < 4; k++) {
+            uint16_t narrow = (uint16_t)face[f][k];
+            put(out, &at, wide ? (const void *)&face[f][k] : &narrow, wide ? 4 : 2, big);
+        }
+    }
+    return at;
+}
+
+static void binary_meshes_of_either_byte_order_are_the_same_and_never_read_beyond(void **state) {
+    (void)state;
+    static uint8_t bytes[1024];
+    for (int kind = 0; kind < 4; kind++) {
+        struct errctx err = {0};
+        struct mesh mesh;
+        memset(&mesh, 0, sizeof mesh);
+        size_t size = binary_ply(bytes, kind & 1, kind & 2);
+        if (mesh_load_bytes(bytes, size, "binary", &mesh, &err))
+            fail_msg("kind %d: %s", kind, err.text);
+        assert_int_equal(mesh.vertex_count, 6);
+        assert_int_equal(mesh.triangle_count, 4);
+        struct vec3 last = mesh_position(&mesh, 5);
+        assert_true(last.x == 2 && last.y == 1 && last.z == 1.25);
+        assert_int_equal(mesh.corner[11], 4);
+        mesh_fini(&mesh);
+        for (size_t cut = size - 1; cut > size - 100; cut--) { /* every shorter file is refused */
+            memset(&mesh, 0, sizeof mesh);
+            assert_int_not_equal(mesh_load_bytes(bytes, cut, "cut", &mesh, &err), ST_OK);
+            assert_true(err.text[0] != 0);
+        }
+    }
+}
+
 static void bad_meshes_are_refused_with_a_reason(void **state) {
     (void)state;
     static const struct {
@@ -244,6 +304,7 @@ int main(void) {
         cmocka_unit_test(faults_are_read_or_refused_with_a_reason),
         cmocka_unit_test(clocks_invert_and_jump),
         cmocka_unit_test(obj_and_ply_meshes_are_read),
+        cmocka_unit_test(binary_meshes_of_either_byte_order_are_the_same_and_never_read_beyond),
         cmocka_unit_test(bad_meshes_are_refused_with_a_reason),
         cmocka_unit_test(stands_in_walls_and_unknown_scenes_are_refused),
         cmocka_unit_test(every_scene_has_stands_where_a_cart_can_stand),
