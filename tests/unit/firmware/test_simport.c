@@ -291,6 +291,8 @@ static void senseless_configurations_give_no_cart(void **state) {
     REFUSES(axis[0].travel_max = -20000);
     REFUSES(axis[1].start = 1e6);
     REFUSES(axis[1].backlash = -1);
+    REFUSES(mirror_ripple = 1);
+    REFUSES(capture_jitter_us = -1);
     sim_destroy(NULL);
 }
 
@@ -310,8 +312,92 @@ static void power_loss_in_the_middle_of_a_move_leaves_a_working_controller(void 
     sim_destroy(sim);
 }
 
+/* Index pulses and steps as an observer sees them. */
+struct watch {
+    struct sim *sim;
+    double index_us[64], pulse_us[64];
+    unsigned indexes, pulses, steps;
+    bool steps_fit;
+};
+
+static void watch_index(void *ctx, double exact_us, uint64_t turn) {
+    struct watch *w = ctx;
+    (void)turn;
+    if (w->indexes < 64)
+        w->index_us[w->indexes++] = exact_us;
+}
+
+static void watch_pulse(void *ctx, double exact_us) {
+    struct watch *w = ctx;
+    if (w->pulses < 64)
+        w->pulse_us[w->pulses++] = exact_us;
+}
+
+static void watch_step(void *ctx, uint64_t t_us, enum hal_axis axis, bool positive) {
+    struct watch *w = ctx;
+    struct sim_step step = sim_step(w->sim, axis);
+    if (axis != HAL_PAN)
+        return;
+    w->steps++;
+    w->steps_fit = w->steps_fit && step.positive == positive && step.since_us < (double)t_us &&
+                   fabs(step.due_us - (double)t_us) <= 2;
+}
+
+static const struct sim_observer watcher = {
+    .index = watch_index, .pulse = watch_pulse, .step = watch_step};
+
+static void an_uneven_mirror_gives_even_index_periods_and_uneven_angles(void **state) {
+    (void)state;
+    struct sim_config config = simcart_config();
+    config.mirror_ripple = 0.05;
+    config.mirror_ripple_phase_rad = 1;
+    struct sim *sim = simcart_commissioned(&config);
+    simcart_light(sim);
+    assert_int_equal(sim_write1(sim, REGMAP_ADDR_host_timeout_ms, 5000), 0);
+    sim_advance(sim, 3000000);
+    struct watch w = {.sim = sim, .steps_fit = true};
+    sim_observe(sim, &watcher, &w);
+    assert_true(sim_fault_at(sim, SIM_FAULT_INDEX_MISSING, sim_now_us(sim) + 300000, 2));
+    static double at_us[2000], rev[2000];
+    for (int i = 0; i < 2000; i++) {
+        sim_advance(sim, 500);
+        at_us[i] = (double)sim_now_us(sim);
+        rev[i] = sim_truth(sim).mirror_rev;
+    }
+    double turn_us = w.index_us[1] - w.index_us[0], widest = 0;
+    for (unsigned i = 1; i < w.indexes; i++)
+        assert_true(fabs(w.index_us[i] - w.index_us[i - 1] - turn_us) < 0.01 * turn_us);
+    for (int i = 0; i < 2000; i++) { /* an even mirror would be at this part of the first turn */
+        double even = (at_us[i] - w.index_us[0]) / turn_us;
+        if (even > 0 && even < 1)
+            widest = fmax(widest, fabs(rev[i] - floor(rev[i]) - even));
+    }
+    /* sin(angle + phase) less its value at the index, 0.05 / 2 pi of a turn each */
+    assert_true(fabs(widest - 0.05 / 6.2832 * (1 + sin(1))) < 0.001);
+    assert_int_equal(w.pulses + 2, w.indexes); /* the wires do not carry the missing ones */
+    sim_destroy(sim);
+}
+
+static void an_observer_knows_the_step_that_is_due(void **state) {
+    (void)state;
+    struct sim_config config = simcart_config();
+    struct sim *sim = simcart_commissioned(&config);
+    simcart_light(sim);
+    struct watch w = {.sim = sim, .steps_fit = true};
+    sim_observe(sim, &watcher, &w);
+    assert_int_equal(sim_write32(sim, REGMAP_ADDR_pan_target, 300), 0);
+    sim_advance(sim, 1500000);
+    assert_int_equal(w.steps, 300);
+    assert_true(w.steps_fit);
+    assert_false(sim_step(sim, HAL_PAN).pending);
+    assert_int_equal(sim_step(sim, HAL_PAN).counted, 300);
+    sim_destroy(sim);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_uneven_mirror_gives_even_index_periods_and_uneven_angles),
+        cmocka_unit_test(an_observer_knows_the_step_that_is_due),
         cmocka_unit_test(same_seed_gives_the_same_run_to_the_bit),
         cmocka_unit_test(instances_do_not_know_of_each_other),
         cmocka_unit_test(how_time_is_cut_into_advances_does_not_matter),
