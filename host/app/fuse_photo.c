@@ -252,6 +252,7 @@ enum st fuse_photo_station(struct site *site, const struct station *station,
     out->photo_count = photos->count - first;
     out->noise = source.noise;
     out->rays = source.counts;
+    out->clock = source.clock;
     out->damaged_packets = source.damaged_packets;
     fuse_source_close(&source);
     return st ? errctx_prefix(err, st, "station %s", station->name) : ST_OK;

@@ -49,6 +49,7 @@ struct fuse_station {
     bool has_samples;
     struct face_survey survey;
     struct noise_model noise;
+    struct cart_clock_report clock; /* head streams only */
     struct rays_counts rays;
     const char *calibration;
     int64_t damaged_packets;

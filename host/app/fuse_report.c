@@ -15,6 +15,24 @@ int64_t fuse_report_peak_bytes(void) {
 
 /* ---- for a person ---- */
 
+/* How well the mirror tied the clocks; nothing of imports, which have none. */
+static void print_clocks(const struct fuse_station *s) {
+    const struct cart_clock_report *r = &s->clock;
+    if (strcmp(s->calibration, "none") == 0)
+        return;
+    if (!r->head.pairs) {
+        (void)printf("\n  clocks: turns and events could not be matched; placed by arrival times");
+        return;
+    }
+    (void)printf("\n  clocks: %" PRIu64 " turns matched within %.1f us, %" PRIu64
+                 " events missing, %" PRIu64 " spurious",
+                 r->head.pairs, r->head.rms_ns * 1e-3, r->missing_events, r->spurious_events);
+    for (int k = CART_CLOCK_AMBIGUOUS; k < CART_CLOCK_KINDS; k++)
+        if (r->incidents[k] && k != CART_CLOCK_MIRROR_SLOW) /* at the end of a sweep it must */
+            (void)printf("\n  clocks: %s (%" PRIu64 ")",
+                         cart_clock_kind_text((enum cart_clock_kind)k), r->incidents[k]);
+}
+
 static void print_station(const struct fuse_station *s, double pixel_rad) {
     if (!s->has_samples) {
         (void)printf("%s: no samples\n", s->name);
@@ -25,6 +43,7 @@ static void print_station(const struct fuse_station *s, double pixel_rad) {
                  s->noise.measured ? " (measured)" : " (assumed)");
     if (strcmp(s->calibration, "none") != 0)
         (void)printf(", rig as %s", s->calibration);
+    print_clocks(s);
     (void)printf("\n  %zu photograph%s (%zu up to date)%s in %.1f s, after %.1f s of reading\n",
                  s->photo_count, s->photo_count == 1 ? "" : "s", s->kept_count,
                  s->frame_count == s->photo_count ? " of camera frames"
@@ -126,6 +145,25 @@ void fuse_report_text(const struct fuse_report *r) {
 
 /* ---- for a program ---- */
 
+static void put_clocks(struct json *json, struct cJSON *station,
+                       const struct cart_clock_report *r) {
+    struct cJSON *o = json_object(json, station, "clocks");
+    json_integer(json, o, "matched", (int64_t)r->head.pairs);
+    if (r->head.pairs) {
+        json_number(json, o, "residual_s", r->head.rms_ns * 1e-9);
+        json_number(json, o, "residual_max_s", r->head.max_ns * 1e-9);
+    }
+    if (r->head.pairs > 1 && isfinite(r->head.drift_ppm)) {
+        json_number(json, o, "drift_ppm", r->head.drift_ppm);
+        json_number(json, o, "drift_sigma_ppm", r->head.drift_sigma_ppm);
+    }
+    json_integer(json, o, "missing_events", (int64_t)r->missing_events);
+    json_integer(json, o, "spurious_events", (int64_t)r->spurious_events);
+    json_integer(json, o, "missing_edges", (int64_t)r->missing_edges);
+    json_integer(json, o, "segments", (int64_t)r->head.segments);
+    json_boolean(json, o, "ambiguous", r->incidents[CART_CLOCK_AMBIGUOUS] > 0);
+}
+
 static void put_station(struct json *json, struct cJSON *list, const struct fuse_station *s) {
     struct cJSON *o = json_object(json, list, NULL);
     json_text(json, o, "name", s->name);
@@ -138,6 +176,8 @@ static void put_station(struct json *json, struct cJSON *list, const struct fuse
     json_integer(json, o, "unplaced", s->rays.unplaced);
     json_integer(json, o, "outside_sweep", s->rays.outside);
     json_integer(json, o, "damaged_packets", s->damaged_packets);
+    if (strcmp(s->calibration, "none") != 0)
+        put_clocks(json, o, &s->clock);
     json_integer(json, o, "photographs", (int64_t)s->photo_count);
     json_integer(json, o, "up_to_date", (int64_t)s->kept_count);
     json_integer(json, o, "of_frames", (int64_t)s->frame_count);
