@@ -19,7 +19,7 @@ within() {
 }
 check() { # NAME COMMAND ...
     name=$1; shift
-    if timeout 60 "$@" >"$work/log" 2>&1; then
+    if timeout "${limit:-60}" "$@" >"$work/log" 2>&1; then
         echo "ok     $name: $(tr '\n' ';' <"$work/log")"
     else
         echo "FAILED $name ($?): $(tr '\n' ';' <"$work/log")"
