@@ -110,15 +110,15 @@ static int by_value(const void *a, const void *b) {
 }
 
 /* Rising index edges of the "gpio" stream, sorted; none is no failure. */
-static enum st read_edges(struct site *site, int64_t station_id, int64_t **out_edges,
-                          size_t *out_count, struct errctx *err) {
+static enum st read_edges(struct site *site, int64_t station_id, const char *name,
+                          int64_t **out_edges, size_t *out_count, struct errctx *err) {
     struct stream stream;
     struct stream_reader *reader = NULL;
     int64_t *edges = NULL;
     size_t count = 0, capacity = 0;
     *out_edges = NULL;
     *out_count = 0;
-    enum st st = stream_find(site, station_id, "gpio", NULL, &stream, err);
+    enum st st = stream_find(site, station_id, "gpio", name, &stream, err);
     if (st == ST_NOT_FOUND)
         return ST_OK;
     if (!st)
@@ -318,13 +318,13 @@ static enum st solve_packets(struct clock_solve *solve, const struct stream_chun
 }
 
 /* All chunks of a kind of stream; none is no failure. */
-static enum st solve_stream(struct site *site, int64_t station_id, const char *kind,
-                            enum st (*take)(struct clock_solve *solve,
-                                            const struct stream_chunk *chunk),
-                            struct clock_solve *solve, struct errctx *err) {
+static enum st
+solve_stream(struct site *site, int64_t station_id, const char *kind, const char *name,
+             enum st (*take)(struct clock_solve *solve, const struct stream_chunk *chunk),
+             struct clock_solve *solve, struct errctx *err) {
     struct stream stream;
     struct stream_reader *reader = NULL;
-    enum st st = stream_find(site, station_id, kind, NULL, &stream, err);
+    enum st st = stream_find(site, station_id, kind, name, &stream, err);
     if (!st)
         st = stream_reader_open(site, stream.id, 0, &reader, err);
     while (!st) {
@@ -341,17 +341,17 @@ static enum st solve_stream(struct site *site, int64_t station_id, const char *k
     return st == ST_NOT_FOUND ? ST_OK : st;
 }
 
-static enum st by_clocks(struct site *site, int64_t station_id, struct clock_solution *out,
-                         struct errctx *err) {
+static enum st by_clocks(struct site *site, int64_t station_id, const char *name,
+                         struct clock_solution *out, struct errctx *err) {
     struct clock_solve *solve = calloc(1, sizeof *solve);
     struct cart_clock_params params = cart_clock_params_default();
     if (!solve)
         return errctx_set(err, ST_NOMEM, "no memory for the clocks of the station");
-    enum st st = solve_stream(site, station_id, "index", solve_events, solve, err);
+    enum st st = solve_stream(site, station_id, "index", name, solve_events, solve, err);
     if (!st)
-        st = solve_stream(site, station_id, "gpio", solve_edges, solve, err);
+        st = solve_stream(site, station_id, "gpio", name, solve_edges, solve, err);
     if (!st)
-        st = solve_stream(site, station_id, "head", solve_packets, solve, err);
+        st = solve_stream(site, station_id, "head", name, solve_packets, solve, err);
     if (!st && (st = clock_solve_make(solve, &params, out)))
         (void)errctx_set(err, st, "no memory for the clocks of the station");
     clock_solve_fini(solve);
@@ -361,7 +361,7 @@ static enum st by_clocks(struct site *site, int64_t station_id, struct clock_sol
 
 /* ---- by arrival alone ---- */
 
-static enum st by_arrival(struct site *site, int64_t station_id, struct events *e,
+static enum st by_arrival(struct site *site, int64_t station_id, const char *name, struct events *e,
                           struct sweep_index **out_index, size_t *out_count, struct errctx *err) {
     int64_t *edges = NULL;
     size_t edge_count = 0;
@@ -369,7 +369,7 @@ static enum st by_arrival(struct site *site, int64_t station_id, struct events *
     enum st st = clock_fit_make(e->from_ns, e->to_ns, e->pair_count, &fit);
     if (st)
         return errctx_set(err, st, "the controller's clock does not fit the host's");
-    st = read_edges(site, station_id, &edges, &edge_count, err);
+    st = read_edges(site, station_id, name, &edges, &edge_count, err);
     if (!st)
         st = refine(e, edges, edge_count, &fit);
     if (!st && (st = to_sweep(e, &fit, out_index, out_count)))
@@ -378,14 +378,15 @@ static enum st by_arrival(struct site *site, int64_t station_id, struct events *
     return st;
 }
 
-enum st fuse_index_read(struct site *site, int64_t station_id, struct sweep_index **out_index,
-                        size_t *out_count, struct job_hash *out_input,
-                        struct cart_clock_report *out_report, struct errctx *err) {
+enum st fuse_index_read(struct site *site, int64_t station_id, const char *name,
+                        struct sweep_index **out_index, size_t *out_count,
+                        struct job_hash *out_input, struct cart_clock_report *out_report,
+                        struct errctx *err) {
     struct stream stream;
     struct stream_state state;
     struct events e = {0};
     struct clock_solution solution = {0};
-    enum st st = stream_find(site, station_id, "index", NULL, &stream, err);
+    enum st st = stream_find(site, station_id, "index", name, &stream, err);
     if (!st)
         st = stream_get_state(site, stream.id, &state, err);
     if (!st)
@@ -394,9 +395,9 @@ enum st fuse_index_read(struct site *site, int64_t station_id, struct sweep_inde
         st = errctx_set(err, ST_NOT_FOUND,
                         "the station has %zu index pulses: no sample can be placed", e.count);
     if (!st)
-        st = by_clocks(site, station_id, &solution, err);
+        st = by_clocks(site, station_id, name, &solution, err);
     if (!st && !solution.count)
-        st = by_arrival(site, station_id, &e, &solution.index, &solution.count, err);
+        st = by_arrival(site, station_id, name, &e, &solution.index, &solution.count, err);
     if (!st) {
         *out_index = solution.index;
         *out_count = solution.count;

@@ -41,9 +41,25 @@ static void add_input(struct fuse_source *s, const char *role, const uint8_t *sh
 
 /* ---- chunks to samples ---- */
 
+/* Begins to read a session of the cart; polar samples have but one stream. */
+static enum st begin_session(struct fuse_source *s, size_t number, struct errctx *err) {
+    s->session_at = number;
+    if (s->rays)
+        sweep_init(&s->rays->sweep, s->session[number].index, s->session[number].index_count);
+    stream_reader_close(s->reader);
+    s->reader = NULL;
+    return stream_reader_open(s->site, s->rays ? s->session[number].stream_id : s->stream.id, 0,
+                              &s->reader, err);
+}
+
 static enum st next_chunk(struct fuse_source *s, struct errctx *err) {
     for (;;) {
         enum st st = stream_reader_next(s->reader, &s->chunk, err);
+        if (st == ST_NOT_FOUND && s->rays && s->session_at + 1 < s->sessions) {
+            st = begin_session(s, s->session_at + 1, err);
+            if (!st)
+                continue;
+        }
         if (st == ST_DAMAGED) { /* the rest is as good as ever */
             s->damaged_packets++;
             continue;
@@ -121,13 +137,9 @@ static enum st source_rewind(void *context, struct errctx *err) {
     s->damaged_packets = 0;
     memset(&s->chunk, 0, sizeof s->chunk);
     s->chunk_at = 0;
-    if (s->rays) {
-        sweep_init(&s->rays->sweep, s->index, s->index_count);
+    if (s->rays)
         memset(&s->rays->counts, 0, sizeof s->rays->counts);
-    }
-    stream_reader_close(s->reader);
-    s->reader = NULL;
-    return stream_reader_open(s->site, s->stream.id, 0, &s->reader, err);
+    return begin_session(s, 0, err);
 }
 
 /* Fills the buffer of unpacked samples; 0 left in it is the end. */
@@ -205,6 +217,49 @@ static enum st measure_noise(struct fuse_source *s, struct errctx *err) {
 
 /* ---- opening ---- */
 
+/* Adds a session with its index pulses. One that died before two of them says nothing. */
+static enum st add_session(struct fuse_source *s, const struct stream *head, struct errctx *err) {
+    struct job_hash index_input;
+    struct stream_state state;
+    struct cart_clock_report clock;
+    struct fuse_source_session *session = &s->session[s->sessions];
+    if (s->sessions == FUSE_SOURCE_SESSIONS)
+        return errctx_set(err, ST_NOMEM, "a station of more than %d sessions",
+                          FUSE_SOURCE_SESSIONS);
+    enum st st = stream_get_state(s->site, head->id, &state, err);
+    if (!st)
+        st = fuse_index_read(s->site, head->station_id, head->name, &session->index,
+                             &session->index_count, &index_input, &clock, err);
+    if (st)
+        return st;
+    session->stream_id = head->id;
+    if (!s->sessions++)
+        s->clock = clock;
+    add_input(s, "stream", state.chain);
+    add_input(s, "index", index_input.sha256);
+    return ST_OK;
+}
+
+static enum st add_sessions(struct fuse_source *s, int64_t station_id, struct errctx *err) {
+    enum { PAGE = 16 };
+    struct stream *page = malloc(PAGE * sizeof *page);
+    size_t count = PAGE;
+    int64_t after = 0;
+    enum st st = page ? ST_OK : errctx_set(err, ST_NOMEM, "no memory for the list of streams");
+    while (!st && count == PAGE) {
+        st = stream_list(s->site, station_id, after, page, PAGE, &count, err);
+        for (size_t i = 0; i < count && !st; i++) {
+            after = page[i].id;
+            if (!strcmp(page[i].kind, "head"))
+                st = add_session(s, &page[i], err);
+            if (st == ST_NOT_FOUND)
+                st = ST_OK;
+        }
+    }
+    free(page);
+    return st || s->sessions ? st : ST_NOT_FOUND; /* the text is the last session's */
+}
+
 static enum st open_head(struct fuse_source *s, int64_t station_id,
                          const struct fuse_source_options *o, struct errctx *err) {
     struct stream index_stream;
@@ -212,7 +267,6 @@ static enum st open_head(struct fuse_source *s, int64_t station_id,
         strcmp(index_stream.format, "idxevent.1") != 0)
         return errctx_set(err, ST_UNSUPPORTED, "index events of format %s are not known here",
                           index_stream.format);
-    struct job_hash index_input;
     struct calib record;
     char *text = malloc(CALIB_MAX_BYTES + 1);
     enum st st = text ? ST_OK : errctx_set(err, ST_NOMEM, "no memory for a calibration");
@@ -222,18 +276,17 @@ static enum st open_head(struct fuse_source *s, int64_t station_id,
         st = rig_yaml_read(text, record.size_bytes, record.name, &s->rig, err);
     free(text);
     if (!st)
-        st = fuse_index_read(s->site, station_id, &s->index, &s->index_count, &index_input,
-                             &s->clock, err);
+        st = add_sessions(s, station_id, err);
     if (st)
         return st;
     s->calibration = fuse_source_status_name(record.status);
-    add_input(s, "index", index_input.sha256);
     add_input(s, "rig", record.sha256);
     s->rays = malloc(sizeof *s->rays);
     if (!s->rays)
         return errctx_set(err, ST_NOMEM, "no memory for the rig model");
     struct rays_params params = rays_params_default();
-    return rays_init(s->rays, &s->rig, &params, &s->noise, s->index, s->index_count, err);
+    return rays_init(s->rays, &s->rig, &params, &s->noise, s->session[0].index,
+                     s->session[0].index_count, err);
 }
 
 /* Keeps the stream in memory if it fits: photographs then do not read it again. */
@@ -314,7 +367,7 @@ enum st fuse_source_open(struct site *site, int64_t station_id,
     if (!head)
         s->origin_m = s->stream.origin_m;
     st = stream_get_state(site, s->stream.id, &state, err);
-    if (!st)
+    if (!st && !head)
         add_input(s, "stream", state.chain);
     s->ready = malloc((size_t)(READY > POLAR_BATCH ? READY : POLAR_BATCH) * sizeof *s->ready);
     if (!st && !s->ready)
@@ -331,7 +384,8 @@ enum st fuse_source_open(struct site *site, int64_t station_id,
 void fuse_source_close(struct fuse_source *s) {
     stream_reader_close(s->reader);
     free(s->rays);
-    free(s->index);
+    for (size_t i = 0; i < s->sessions; i++)
+        free(s->session[i].index);
     free(s->ready);
     free(s->cache);
     memset(s, 0, sizeof *s);

@@ -17,7 +17,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { FUSE_SOURCE_INPUTS = 4 };
+enum { FUSE_SOURCE_SESSIONS = 32, FUSE_SOURCE_INPUTS = 2 * FUSE_SOURCE_SESSIONS + 2 };
+
+/* One session of the cart: a scan that was cut short and gone on with has several. */
+struct fuse_source_session {
+    int64_t stream_id; /* of the head's packets */
+    struct sweep_index *index;
+    size_t index_count;
+};
 
 struct fuse_source {
     struct site *site;
@@ -26,16 +33,16 @@ struct fuse_source {
     struct job_hash inputs[FUSE_SOURCE_INPUTS]; /* what the samples follow from */
     size_t input_count;
     struct noise_model noise;
-    struct rays_counts counts; /* of the last pass; head streams only */
-    int64_t damaged_packets;   /* bytes that were no packet are skipped */
+    struct rays_counts counts;      /* of the last pass; head streams only */
+    int64_t damaged_packets;        /* bytes that were no packet are skipped */
     struct cart_clock_report clock; /* head streams only; head.pairs 0: placed by arrival alone */
-    const char *calibration;   /* "estimated", "nominal", "true"; "none" for imports */
+    const char *calibration;        /* "estimated", "nominal", "true"; "none" for imports */
     /* private */
     struct scatter_source source;
     struct stream_reader *reader;
     struct rays *rays;
-    struct sweep_index *index;
-    size_t index_count;
+    struct fuse_source_session session[FUSE_SOURCE_SESSIONS];
+    size_t sessions, session_at; /* head streams only */
     struct rig rig;
     struct stream_chunk chunk; /* being unpacked */
     size_t chunk_at;
