@@ -389,7 +389,7 @@ static void say_measure(struct viewer *v) {
         p[n++] = &v->marks[i].point;
     if (n == 1) {
         double half = 1.959963985 * p[0]->sigma_m;
-        viewer_say(v, "%.3f %.3f %.3f %s, +-%.1f mm along the view; %d samples", p[0]->p_m.x,
+        viewer_say(v, "%.3f %.3f %.3f %s, \xc2\xb1 %.1f mm along the view; %d samples", p[0]->p_m.x,
                    p[0]->p_m.y, p[0]->p_m.z, unit, 1e3 * half, p[0]->samples);
     } else if (n >= 2) {
         struct view_value d = view_measure_distance_m(p[1], p[0]);
@@ -397,11 +397,12 @@ static void say_measure(struct viewer *v) {
         char angle[60] = "";
         if (n == 3) {
             struct view_value a = view_measure_angle_rad(p[2], p[1], p[0]);
-            (void)snprintf(angle, sizeof angle, "; angle %.2f +- %.2f deg", a.value * 57.29577951,
-                           view_measure_half95(a) * 57.29577951);
+            (void)snprintf(angle, sizeof angle, "; angle %.2f \xc2\xb1 %.2f deg",
+                           a.value * 57.29577951, view_measure_half95(a) * 57.29577951);
         }
-        viewer_say(v, "distance %.4f +- %.4f %s, height %.4f +- %.4f %s (95 %%)%s", d.value,
-                   view_measure_half95(d), unit, h.value, view_measure_half95(h), unit, angle);
+        viewer_say(v, "distance %.4f \xc2\xb1 %.4f %s, height %.4f \xc2\xb1 %.4f %s (95 %%)%s",
+                   d.value, view_measure_half95(d), unit, h.value, view_measure_half95(h), unit,
+                   angle);
     }
 }
 

@@ -159,7 +159,8 @@ static void draw_marks(struct viewer *v, struct image_u8 *im) {
             char text[64];
             (void)snprintf(text, sizeof text, "%.3f \xc2\xb1 %.3f %s", d.value,
                            view_measure_half95(d), view_source_is_metric(v->source) ? "m" : "b");
-            label(v, im, 0.5 * (x + before_x) + 10, 0.5 * (y + before_y), 22.0, text);
+            label(v, im, 0.5 * (x + before_x) - 0.5 * text_width_px(v->font, 22.0, text),
+                  0.5 * (y + before_y) - 22.0, 22.0, text);
         }
         if (seen) {
             fill(im, (int32_t)x - 7, (int32_t)y - 7, 14, 14, black, 1.0);

@@ -195,10 +195,24 @@ static struct place place_of(const struct tile_pack_index *index, int64_t node) 
     return out;
 }
 
+/* Skins between a surface and the sky reach to infinity and would hide everything: they are taken
+ * for seen through. What hides behind a surface in front of another one stays unknown. */
+static void drop_sky_skins(struct tile_samples *t) {
+    for (int32_t v = 0; v + 1 < t->height; v++)
+        for (int32_t u = 0; u + 1 < t->width; u++) {
+            int32_t at = v * t->width + u;
+            const float *a = t->disparity_per_m + at, *b = a + t->width;
+            if (t->flags[at] & PHOTO_SKIN &&
+                (a[0] == 0.0f || a[1] == 0.0f || b[0] == 0.0f || b[1] == 0.0f))
+                t->flags[at] |= PHOTO_SKIN_DISPROVED;
+        }
+}
+
 static void slot_ready(struct tile_cache *c, int32_t i, int64_t node) {
     struct tile_slot *s = &c->slots[i];
     const struct tile_pack_index *index = c->source.index;
     struct place p = place_of(index, node);
+    drop_sky_skins(&s->samples);
     s->tile = tile_pack_tile(p.photo, p.level, p.i, p.j, &s->samples);
     s->tile.rgb = s->shaded;
     double chi2, worst;

@@ -105,7 +105,9 @@ static void stage_meta(const struct tile *tile, int32_t w, int32_t h, struct sta
                 green |= (bits[i] & 2u ? 1u : 0u) << i | (bits[i] & 1u) << (i + 4);
                 red |= bits[i] & 4u ? 2u : 0u;
             }
-            red |= tile->flags[(ptrdiff_t)v * tile->stride_px + u] & PHOTO_SKIN ? 1u : 0u;
+            uint8_t flags = tile->flags[(ptrdiff_t)v * tile->stride_px + u];
+            red |= flags & PHOTO_SKIN ? 1u : 0u;
+            red |= (flags & PHOTO_SKIN_DISPROVED) == PHOTO_SKIN_DISPROVED ? 8u : 0u;
             red |= bits[0] & 2u ? 4u : 0u;
             s->meta[2 * at] = (uint8_t)red;
             s->meta[2 * at + 1] = (uint8_t)green;

@@ -2,8 +2,9 @@
  * down, and nothing has to be turned over when the picture is read. A sample without disparity has
  * -1 in the texture. Depths are larger for what is nearer, cleared to 0, and scaled by a power of
  * two so that what is a millimetre away still fits 0..1. Meta texture: red bit 0 the cell is a
- * skin, bit 1 one of the cell's corners is a guess, bit 2 the sample is shown; green: which corners
- * of the cell are shown (low half) and which are there at all (high half). */
+ * skin, bit 1 one of the cell's corners is a guess, bit 2 the sample is shown, bit 3 the skin is
+ * disproved; green: which corners of the cell are shown (low half) and which are there at all (high
+ * half). */
 #include "render/gles/gles_shaders.h"
 
 #define VERSION_30 "#version 300 es\n"
@@ -151,7 +152,7 @@ static const char mesh_vertex[] =
     "  uvec4 meta = texelFetch(u_meta, ivec3(place.x + u, place.y + v, place.z), 0);\n"
     "  bool skin = (meta.r & 1u) != 0u;\n"
     "  if (u_mode == 0 && skin) return;\n"
-    "  if ((u_mode == 1 || u_mode == 2) && !skin) return;\n"
+    "  if ((u_mode == 1 || u_mode == 2) && (!skin || (meta.r & 8u) != 0u)) return;\n"
     "  if (u_mode == 2 && (meta.r & 2u) == 0u) return;\n"
     "  int mask = int(u_mode == 1 || u_mode == 2 ? meta.g >> 4 : meta.g & 15u);\n"
     "  int want = k < 3 ? k : (k == 3 ? 0 : k - 2);\n" /* of the fan: 0 1 2, 0 2 3 */
