@@ -29,6 +29,7 @@ scancart_test(prop_clocks_twin SOURCES prop/prop_clocks_twin.c support/clock_run
 foreach(name prop_clocks prop_clocks_twin)
   target_include_directories(${name} PRIVATE support)
 endforeach()
+set_tests_properties(prop_clocks_twin PROPERTIES ENVIRONMENT "OMP_WAIT_POLICY=passive")
 add_executable(bench_clocks bench/bench_clocks.c support/clock_world.c support/clock_runs.c)
 target_link_libraries(bench_clocks PRIVATE sc_base)
 target_include_directories(bench_clocks PRIVATE support)
