@@ -1,4 +1,5 @@
 # tests of capture
+scancart_test(test_capture_parts SOURCES unit/test_capture_parts.c DEPS sc_capture LABELS unit)
 add_library(fake_cart STATIC support/fake_cart.c support/fake_scan.c)
 target_link_libraries(fake_cart PUBLIC sc_capture sc_site sc_device fw_port_sim)
 scancart_test(test_session SOURCES unit/test_session.c DEPS fake_cart sc_capture sc_site LABELS unit)
