@@ -4,9 +4,9 @@
  *   d' = d + rate dt       rate' = rate + w,  E w^2 = q dt       seen: d + v,  E v^2 = s sigma^2
  *
  * How much the rate walks against the noise of the pairs (q / s) differs from crystal to crystal,
- * so seventeen filters with ratios half a decade apart run side by side and the likeliest is believed; s is
- * measured too (concentrated likelihood, Harvey 1989, section 3.4). Off line the same model is run
- * both ways (Rauch, Tung and Striebel 1965).
+ * so seventeen filters with ratios half a decade apart run side by side and the likeliest is
+ * believed; s is measured too (concentrated likelihood, Harvey 1989, section 3.4). Off line the
+ * same model is run both ways (Rauch, Tung and Striebel 1965).
  *
  * Rates are ns of difference a second of `from`: 1 ns/s is 0.001 ppm. On line: no allocation, safe
  * on the real-time path, constant time. */
