@@ -69,7 +69,7 @@ board() {
 name: vm
 controller: {device: $tty, baud: 115200, parity: even, unit: 1, timeout_ms: 2000}
 gpio: {chip: $chip, mirror_index: "$index", estop: "1", interlock: "2"}
-camera: {device: $video}
+${video:+camera: {device: $video\}}
 head: {usb_vendor: 0x1209, usb_product: $product, serial: $serial}
 END
 }
@@ -110,6 +110,8 @@ check "packets of another version" "$probe" version board
 head_off; head_on 25000 1 0x0200
 check "head of another version" "$probe" refuse board unsupported "version 2"
 head_off; head_on 25000 1 0x0100
-check "chip unplugged" "$probe" unplug board lines "kill $gpio"
+check "camera unplugged" "$probe" unplug board camera "echo vivid.0 >/sys/bus/platform/drivers/vivid/unbind"
+board blind video=
+check "chip unplugged" "$probe" unplug blind lines "kill $gpio"
 head_off
 exit $failed

@@ -5,7 +5,8 @@
  *                                      opening must fail with that status, the text hold the word
  * vm_probe save BOARD                  stores the commissioning values of a new controller
  * vm_probe version BOARD               the head's first packets must be refused
- * vm_probe unplug BOARD head|lines COMMAND   the device must be said to be gone, within 5 s */
+ * vm_probe unplug BOARD head|lines|camera COMMAND   the device must be said to be gone, within 5 s
+ */
 #include "base/clock.h"
 #include "base/head_packet.h"
 #include "capture/backends/board_open.h"
@@ -172,28 +173,50 @@ static int refuse(const char *path, const char *status, const char *word) {
     return bad;
 }
 
-/* Pumps until an op fails; prints how. 0 if it is that status. */
-static int pump_until(const struct cart_devices *cart, bool head, enum st wanted) {
+enum watched { HEAD, LINES, CAMERA };
+
+static enum st start(const struct cart_devices *cart, enum watched what, struct errctx *err) {
+    struct camera_settings s = {640, 480, 0.01, 1, 0, 5000};
+    if (what == HEAD)
+        return cart->head->ops->start(cart->head, err);
+    if (what == LINES)
+        return ST_OK;
+    enum st st = cart->camera->ops->configure(cart->camera, &s, err);
+    return st ? st : cart->camera->ops->start(cart->camera, err);
+}
+
+static enum st take_some(const struct cart_devices *cart, enum watched what, struct errctx *err) {
+    struct camera_frame frame;
+    if (what == HEAD)
+        return cart->head->ops->pump(cart->head, 20, &head_sink, err);
+    if (what == LINES)
+        return cart->lines->ops->pump(cart->lines, 20, &lines_sink, err);
+    enum st st = cart->camera->ops->frame(cart->camera, 0, 200, &frame, err);
+    return st == ST_TIMEOUT ? ST_OK : st;
+}
+
+/* Takes data until an op fails; prints how. 0 if it is that status. */
+static int take_until(const struct cart_devices *cart, enum watched what, enum st wanted) {
     struct errctx err = {0};
     enum st st = ST_OK;
     int64_t end_ns = clock_now_ns() + 5000000000;
     while (!st && clock_now_ns() < end_ns)
-        st = head ? cart->head->ops->pump(cart->head, 20, &head_sink, &err)
-                  : cart->lines->ops->pump(cart->lines, 20, &lines_sink, &err);
+        st = take_some(cart, what, &err);
     (void)printf("ended: %s: %s\n", st_name(st), err.text);
     return st != wanted;
 }
 
-static int watch(const struct board_config *board, bool head, const char *command, enum st wanted) {
+static int watch(const struct board_config *board, enum watched what, const char *command,
+                 enum st wanted) {
     struct errctx err = {0};
     struct board_open *open = NULL;
     if (board_open(board, NULL, &open, &err))
         return complain("open", &err);
     struct cart_devices cart = board_open_cart(open);
-    int bad = head && cart.head->ops->start(cart.head, &err) ? complain("start", &err) : 0;
+    int bad = start(&cart, what, &err) ? complain("start", &err) : 0;
     if (!bad && command)
         bad = system(command);
-    bad = bad || pump_until(&cart, head, wanted);
+    bad = bad || take_until(&cart, what, wanted);
     board_open_close(open);
     return bad;
 }
@@ -227,9 +250,13 @@ int main(int argc, char **argv) {
     else if (!strcmp(what, "save"))
         bad = save(board);
     else if (!strcmp(what, "version"))
-        bad = watch(board, true, NULL, ST_UNSUPPORTED);
+        bad = watch(board, HEAD, NULL, ST_UNSUPPORTED);
     else if (!strcmp(what, "unplug") && argc == 5)
-        bad = watch(board, !strcmp(argv[3], "head"), argv[4], ST_DEVICE);
+        bad = watch(board,
+                    !strcmp(argv[3], "head")    ? HEAD
+                    : !strcmp(argv[3], "lines") ? LINES
+                                                : CAMERA,
+                    argv[4], ST_DEVICE);
     board_config_free(board);
     return bad;
 }
