@@ -71,6 +71,7 @@ static void choose_renderer(struct viewer *v) {
     v->choosing = false;
     v->choice_s[RENDER_CPU] = time_renderer(v, v->renderer);
     double best_s = v->choice_s[RENDER_CPU];
+    static const double clearly = 0.7; /* a few frames on a busy machine say no more */
     for (int k = RENDER_GLES30; k < RENDER_KINDS; k++) {
         struct renderer *r = NULL;
         v->choice_s[k] = (double)NAN;
@@ -80,7 +81,7 @@ static void choose_renderer(struct viewer *v) {
             continue;
         }
         v->choice_s[k] = time_renderer(v, r);
-        if (v->choice_s[k] < best_s) {
+        if (v->choice_s[k] < clearly * best_s) {
             render_destroy(v->renderer);
             v->renderer = r;
             best_s = v->choice_s[k];
