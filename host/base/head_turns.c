@@ -165,7 +165,7 @@ static void note_unrest(struct head_turns *s, double change, double span_s) {
 
 /* Passes between the last sample before a gap and the first after it: cubic Hermite in time. */
 static void passes_in_gap(struct head_turns *s) {
-    unsigned count = SLOPE_LEAST << s->gap_slope;
+    unsigned count = (unsigned)SLOPE_LEAST << s->gap_slope;
     count = s->ring_count < count ? s->ring_count : count;
     struct line after = line_of(s, s->ring_count - count, count);
     unsigned first = slot(s, s->ring_count - 1);
@@ -215,7 +215,7 @@ static void end_stretch(struct head_turns *s, bool bridge) {
         s->gap_t0_ns = s->ring_t_ns[k];
         s->gap_u0 = s->ring_u[k];
         for (unsigned i = 0; i < HEAD_TURNS_SLOPES; i++) {
-            unsigned count = SLOPE_LEAST << i;
+            unsigned count = (unsigned)SLOPE_LEAST << i;
             struct line l = line_of(s, 0, s->ring_count < count ? s->ring_count : count);
             s->gap_rate0[i] = l.rate;
             s->gap_lag_ns[i] = -l.mean_t;
