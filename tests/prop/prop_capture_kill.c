@@ -117,6 +117,10 @@ static void killed_at_any_instant_it_goes_on_and_the_union_is_whole(void **state
         }
         assert_false(scan_and_kill(path, 0));
         verify(path);
+        if (sites % 20 == 0) {
+            (void)printf("%d kills, at most %lld packets lost\n", killed, (long long)worst);
+            (void)fflush(stdout);
+        }
         assert_true(fake_scan_state(path, &at));
         assert_true(at.complete);
         resumed += at.sessions > 1;
@@ -126,6 +130,7 @@ static void killed_at_any_instant_it_goes_on_and_the_union_is_whole(void **state
         assert_true(fabs(at.span[0].from_steps - whole.span[0].from_steps) <= turn);
         assert_true(fabs(at.span[0].to_steps - whole.span[0].to_steps) <= turn);
         assert_memory_equal(at.photo, whole.photo, sizeof at.photo);
+        tempdir_remove(path);
     }
     (void)printf("%d kills of %d scans (%d went on in parts), at most %lld of %d packets a second "
                  "lost\n",
