@@ -12,7 +12,7 @@ add_executable(bench_viewer_site bench/bench_viewer_site.c)
 target_link_libraries(bench_viewer_site PRIVATE sc_site sc_base)
 add_executable(view_measure_twin support/view_measure_twin.c)
 target_link_libraries(view_measure_twin PRIVATE sc_render sc_raster sc_twin sc_base)
-scancart_script_test(e2e_view_measure COMMAND tests/e2e/view_measure.sh LABELS "e2e;slow" TIMEOUT 300)
+scancart_script_test(e2e_view_measure COMMAND tests/e2e/view_measure.sh LABELS "e2e;slow" TIMEOUT 600)
 scancart_test(test_tile_cache SOURCES unit/test_tile_cache.c support/view_fake.c
   DEPS sc_render sc_raster sc_base LABELS unit)
 scancart_test(test_view_scene SOURCES unit/test_view_scene.c support/view_fake.c

@@ -56,18 +56,18 @@ static bool truth_at(const struct raster_view *view, double x, double y, struct 
     return truth.hit;
 }
 
-static struct view_point pick(const struct render_item *items, size_t count,
-                              const struct raster_view *view, struct rng *rng,
-                              struct vec3 *out_truth_m) {
-    struct view_point point;
+/* A random pixel that can be measured; false if the view shows next to nothing. */
+static bool pick(const struct render_item *items, size_t count, const struct raster_view *view,
+                 struct rng *rng, struct view_point *out_point, struct vec3 *out_truth_m) {
     struct errctx ignored;
-    for (;;) {
+    for (int i = 0; i < 50; i++) {
         double x = RIM + (W - 2 * RIM) * rng_uniform(rng);
         double y = RIM + (H - 2 * RIM) * rng_uniform(rng);
-        if (!view_measure_pick(items, count, view, x, y, &point, &ignored) &&
-            !isnan(point.sigma_m) && truth_at(view, x, y, out_truth_m))
-            return point;
+        if (!view_measure_pick(items, count, view, x, y, out_point, &ignored) &&
+            !isnan(out_point->sigma_m) && truth_at(view, x, y, out_truth_m))
+            return true;
     }
+    return false;
 }
 
 static int measure(struct rng *rng) {
@@ -76,7 +76,7 @@ static int measure(struct rng *rng) {
     int held = 0;
     double half = 0, z2 = 0;
     quality.load_s = 1.0;
-    for (int i = 0; i < PAIRS; i++) {
+    for (int i = 0, tried = 0; i < PAIRS && tried < 100 * PAIRS; tried++) {
         struct raster_view view = random_view(rng);
         const struct render_item *items;
         size_t count;
@@ -85,8 +85,10 @@ static int measure(struct rng *rng) {
             must(view_scene_select(tiles, &view, &quality, &items, &count, &stats, &err), &err);
         while (!stats.complete);
         struct vec3 ta, tb;
-        struct view_point a = pick(items, count, &view, rng, &ta);
-        struct view_point b = pick(items, count, &view, rng, &tb);
+        struct view_point a, b;
+        if (!pick(items, count, &view, rng, &a, &ta) || !pick(items, count, &view, rng, &b, &tb))
+            continue;
+        i++;
         struct view_value d = view_measure_distance_m(&a, &b);
         double error = d.value - vec3_norm(vec3_sub(ta, tb));
         held += fabs(error) <= view_measure_half95(d);
