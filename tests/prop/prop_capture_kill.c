@@ -98,6 +98,8 @@ static void killed_at_any_instant_it_goes_on_and_the_union_is_whole(void **state
     (void)snprintf(path, sizeof path, "%.500s/whole", dir);
     assert_false(scan_and_kill(path, 0));
     uint32_t took_us = (uint32_t)((clock_now_ns() - start_ns) / 1000);
+    const uint32_t longest_us = 250000; /* measured while others worked, it may be far too long */
+    took_us = took_us < longest_us ? took_us : longest_us;
     assert_true(fake_scan_state(path, &whole) && whole.complete && whole.spans == 1);
     while (killed < kills) {
         (void)snprintf(path, sizeof path, "%.500s/site%d", dir, sites++);
