@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/json.h"
 #include "base/sample_grid.h"
+#include "import/scan_fan.h"
 #include "site/files.h"
 #include "site/job.h"
 #include "site/photo_row.h"
@@ -50,6 +51,12 @@ static bool is_ply(const struct source_file *file) {
            (file->bytes[3] == '\n' || file->bytes[3] == '\r');
 }
 
+static const char *format_name(const struct scan_job *job) {
+    if (is_ply(&job->file))
+        return "PLY range grid";
+    return scan_fan_is(job->file.bytes, job->file.size) ? "turned line laser" : "3DTK";
+}
+
 /* The .pose beside a .3d, if there is one. */
 static void beside(const char *path, char out_path[FILEIO_PATH_MAX]) {
     out_path[0] = 0;
@@ -88,6 +95,23 @@ static enum st read_3dtk(struct scan_job *job, struct errctx *err) {
     return ST_OK;
 }
 
+/* No companion file: --pose is for the others. */
+static enum st read_fan(struct scan_job *job, struct errctx *err) {
+    enum st st = scan_fan_parse(job->file.bytes, job->file.size, &job->scan, err);
+    if (st)
+        return errctx_prefix(err, st, "%s", job->path);
+    if (job->pose_path[0])
+        return errctx_set(err, ST_UNSUPPORTED,
+                          "%s: a log of a turned line laser takes no pose file; give the pose as "
+                          "seven numbers in a list",
+                          job->path);
+    job->posed = job->has_pose;
+    if (job->has_pose)
+        job->scan.world_from_station = job->world_from_file;
+    job->used_sigma_m = job->range_sigma_m > 0.0 ? job->range_sigma_m : SIGMA_3DTK_M;
+    return ST_OK;
+}
+
 static enum st read_ply(struct scan_job *job, struct errctx *err) {
     struct ply_grid grid;
     enum st st = ply_grid_parse(job->file.bytes, job->file.size, &grid, err);
@@ -111,6 +135,12 @@ static enum st read_ply(struct scan_job *job, struct errctx *err) {
         job->scan.world_from_station = ply_grid_station_pose(&pose, &job->options_ply);
     job->used_sigma_m = job->range_sigma_m; /* 0: needs the spacing, see draw_faces() */
     return ST_OK;
+}
+
+static enum st read_file(struct scan_job *job, struct errctx *err) {
+    if (is_ply(&job->file))
+        return read_ply(job, err);
+    return scan_fan_is(job->file.bytes, job->file.size) ? read_fan(job, err) : read_3dtk(job, err);
 }
 
 static enum st default_sigma(struct scan_job *job, const struct sample_grid *grid) {
@@ -180,7 +210,7 @@ enum st scan_job_prepare(struct scan_job *job, struct errctx *err) {
             st = errctx_set(err, ST_INVALID, "'%s' is no name for a station", job->name);
     }
     if (!st)
-        st = is_ply(&job->file) ? read_ply(job, err) : read_3dtk(job, err);
+        st = read_file(job, err);
     if (!st)
         st = draw_faces(job, err);
     job->surfaces = job->no_returns = 0;
@@ -216,7 +246,7 @@ static enum st parameters_text(const struct scan_job *job, char **out_text, stru
     struct json json;
     json_init_object(&json);
     json_text(&json, NULL, "name", job->name);
-    json_text(&json, NULL, "format", is_ply(&job->file) ? "PLY range grid" : "3DTK");
+    json_text(&json, NULL, "format", format_name(job));
     json_number(&json, NULL, "no_return_m", job->options_3dtk.no_return_m);
     json_number(&json, NULL, "tolerance_m", job->options_3dtk.tolerance_m);
     json_number(&json, NULL, "unit_m", job->options_ply.unit_m);

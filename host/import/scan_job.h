@@ -23,7 +23,7 @@ extern "C" {
 
 struct scan_job {
     char name[SITE_NAME_MAX];   /* of the station; empty: the file's */
-    char path[FILEIO_PATH_MAX]; /* .3d or PLY, told apart by content */
+    char path[FILEIO_PATH_MAX]; /* .3d, PLY or a turned laser's log, told apart by content */
     /* Where the scan stood. For .3d a .pose file (empty: the one beside the scan, if there is one),
      * for PLY a Stanford .conf (empty: none), for PLY also seven numbers in the file's frame and
      * unit. */

@@ -2,6 +2,7 @@
  * range images of one object with poses. */
 #include "base/photo.h"
 #include "base/sample_grid.h"
+#include "import/scan_fan.h"
 #include "import/scan_job.h"
 #include "import/turned_grid.h"
 #include "site/photo_tiff.h"
@@ -9,6 +10,7 @@
 #include "tests/support/real_data.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* ---- the stands ---- */
@@ -196,6 +198,47 @@ static void three_range_images_overlay_within_a_millimetre(void **state) {
         free_view(&views[i]);
 }
 
+/* ---- a nodding line laser ---- */
+
+/* Its wall in front, as a line y -> x (the strip is 3 degrees high): distance and scatter. */
+static void a_nodding_laser_sees_a_flat_wall(void **state) {
+    (void)state;
+    char path[FILEIO_PATH_MAX];
+    uint8_t *text = NULL;
+    size_t size = 0;
+    struct scan scan;
+    struct errctx err = {0};
+    if (!real_data_path("scan-longarm/batchScanned20191114103039.txt", path))
+        skip();
+    assert_int_equal(fileio_read(path, 1u << 24, &text, &size, &err), ST_OK);
+    assert_true(scan_fan_is(text, size));
+    if (scan_fan_parse(text, size, &scan, &err))
+        fail_msg("%s", err.text);
+    assert_int_equal(scan.rows, 41);
+    assert_int_equal(scan.columns, 682);
+    double a = 2.28, b = 0, rms_m = 0;
+    for (int round = 0; round < 10; round++) { /* x = a + b y, outliers beyond 2 cm left out */
+        double n = 0, sy = 0, syy = 0, sx = 0, sxy = 0, sum2 = 0;
+        for (size_t i = 0; i < scan.count; i++) {
+            const struct polar_sample *s = &scan.samples[i];
+            const struct vec3 p = vec3_scale(sample_direction(s), (double)s->range_m);
+            const double off = p.x - a - b * p.y, limit = round < 3 ? 0.3 : 0.02;
+            if (s->flags || fabs(p.y / p.x) > 0.8 || fabs(off) > limit)
+                continue;
+            n++, sy += p.y, syy += p.y * p.y, sx += p.x, sxy += p.x * p.y, sum2 += off * off;
+        }
+        assert_true(n > 8000);
+        b = (n * sxy - sx * sy) / (n * syy - sy * sy);
+        a = (sx - b * sy) / n;
+        rms_m = sqrt(sum2 / n);
+    }
+    const double distance_m = a / sqrt(1 + b * b);
+    print_message("wall at %.4f m, rms %.2f mm\n", distance_m, 1e3 * rms_m);
+    assert_true(fabs(distance_m - 2.28) < 0.01 && rms_m < 0.009);
+    scan_destroy(&scan);
+    free(text);
+}
+
 int main(void) {
     char path[FILEIO_PATH_MAX];
     if (!real_data_path("scans-3dtk/scan000.3d", path) && !real_data_path("bunny/bun.conf", path))
@@ -203,6 +246,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_stand_is_226_rows_of_360_to_a_tenth_of_a_millimetre),
         cmocka_unit_test(three_range_images_overlay_within_a_millimetre),
+        cmocka_unit_test(a_nodding_laser_sees_a_flat_wall),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
