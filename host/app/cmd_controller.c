@@ -22,7 +22,8 @@ static const char about[] =
     "  home     finds the zero of pan and tilt (they move!)\n"
     "  move     moves pan or tilt to a position in steps (they move!); the axis must be homed\n"
     "  monitor  a line each interval, with the mirror's index events, until Ctrl-C\n"
-    "  clear    clears a latched fault whose cause is gone\n\n"
+    "  clear    clears a latched fault whose cause is gone\n"
+    "  save     stores the commissioning values in the controller's flash; the laser needs them\n\n"
     "home and move switch the motors on for the time of the motion only; Ctrl-C stops it. The port "
     "is "
     "given by --port, or by the file of the board (--board), as boards/rpi5/board.yaml.\n\n"
@@ -247,6 +248,20 @@ static enum st run_clear(struct motor *motor, const struct options *o, struct er
     return controller_text_cleared(before.state == CTLSTATE_FAULT ? before.fault : 0, o->json, err);
 }
 
+/* The stored values count only if the controller says so afterwards. */
+static enum st run_save(struct motor *motor, const struct options *o, struct errctx *err) {
+    struct motor_identity identity;
+    enum st st = motor->ops->save(motor, err);
+    if (!st)
+        st = motor->ops->identify(motor, &identity, err);
+    if (!st && identity.commission_state != 1)
+        st = errctx_set(err, ST_DEVICE,
+                        "the controller did not keep its commissioning values (state %u): its "
+                        "flash may be worn out",
+                        identity.commission_state);
+    return st ? st : controller_text_saved(o->json, err);
+}
+
 /* All events since *next; counts index events, strobes and lost ones. */
 static enum st take_events(struct motor *motor, uint64_t *next, struct controller_events *events,
                            struct errctx *err) {
@@ -292,11 +307,8 @@ static enum st run_monitor(struct motor *motor, const struct options *o, struct 
 static const struct action {
     const char *name;
     enum st (*run)(struct motor *motor, const struct options *o, struct errctx *err);
-} actions[] = {{"status", run_status},
-               {"home", run_home},
-               {"move", run_move},
-               {"monitor", run_monitor},
-               {"clear", run_clear}};
+} actions[] = {{"status", run_status},   {"home", run_home},   {"move", run_move},
+               {"monitor", run_monitor}, {"clear", run_clear}, {"save", run_save}};
 
 static const struct action *find_action(const char *name) {
     for (size_t i = 0; name && i < sizeof actions / sizeof actions[0]; i++)
@@ -362,8 +374,9 @@ int cmd_controller(int argc, const char **argv) {
          "N"},
         POPT_TABLEEND};
     struct app_usage usage = {.name = "controller",
-                              .synopsis = "status|home|move|monitor|clear --port DEVICE | --board "
-                                          "FILE [--json]",
+                              .synopsis =
+                                  "status|home|move|monitor|clear|save --port DEVICE | --board "
+                                  "FILE [--json]",
                               .about = about,
                               .options = table,
                               .out_json = &o.json};

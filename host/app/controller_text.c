@@ -271,6 +271,19 @@ enum st controller_text_cleared(unsigned fault, bool json, struct errctx *err) {
     return st;
 }
 
+enum st controller_text_saved(bool json, struct errctx *err) {
+    if (!json) {
+        (void)printf("commissioning values stored\n");
+        return ST_OK;
+    }
+    struct json out;
+    json_init_object(&out);
+    json_boolean(&out, NULL, "saved", true);
+    enum st st = json_write(&out, stdout, err);
+    json_fini(&out);
+    return st;
+}
+
 /* --- monitor
  * -------------------------------------------------------------------------------------------- */
 

@@ -23,6 +23,7 @@ void controller_text_progress_end(void);
 enum st controller_text_causes(const struct motor_status *status, struct errctx *err);
 /* fault 0: there was none. */
 enum st controller_text_cleared(unsigned fault, bool json, struct errctx *err);
+enum st controller_text_saved(bool json, struct errctx *err);
 
 /* Events since monitoring began. */
 struct controller_events {

@@ -91,6 +91,11 @@ def names_the_fault_and_what_to_do(bench):
     assert run("clear", bench.device) == "no fault to clear\n"
 
 
+def stores_commissioning_values(bench):
+    assert run("save", bench.device) == "commissioning values stored\n"
+    assert status_of(bench)["commission_state"] == 1
+
+
 def ctrl_c_stops_the_motion(bench):
     with subprocess.Popen(command("move", bench.device, "--pan", "5000"), stderr=subprocess.PIPE,
                           text=True) as moving:
@@ -258,7 +263,7 @@ def board_file_gives_the_line(bench):
 
 WITH_CONTROLLER = [status_says_who_and_what, refuses_to_move_before_homing, homes_both_axes_and_switches_motors_off,
                    moves_to_the_very_step, refuses_targets_outside_the_limits, names_the_fault_and_what_to_do,
-                   ctrl_c_stops_the_motion, killed_program_leaves_a_safe_cart,
+                   stores_commissioning_values, ctrl_c_stops_the_motion, killed_program_leaves_a_safe_cart,
                    monitor_counts_index_events_without_a_loss]
 OF_THE_LINE = [names_a_device_that_is_not_there, names_the_udev_rule_when_not_allowed, names_a_port_in_use,
                says_when_nobody_answers, late_answers_are_not_taken_for_the_next,
