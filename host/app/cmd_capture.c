@@ -4,6 +4,7 @@
 #include "app/cmd_capture_cart.h"
 #include "app/cmd_capture_text.h"
 #include "app/commands.h"
+#include "base/fileio.h"
 #include "capture/notify.h"
 #include "capture/resume.h"
 #include "capture/session.h"
@@ -52,6 +53,7 @@ struct run {
     struct cmd_capture_cart cart;
     struct site *site;
     bool made; /* the site is new */
+    bool kept; /* station and streams are in it */
     struct station station;
     struct resume resume;
     struct scan_plan plan;
@@ -242,7 +244,8 @@ static void on_status(void *ctx, const struct session_status *status) {
     r->line_open = terminal;
 }
 
-static enum st run_session(struct run *r, struct errctx *err) {
+/* Opens the session, within a batch of the site. */
+static enum st open_session(struct run *r, struct errctx *err) {
     struct session_config config = {.devices = &r->cart.devices,
                                     .plan = &r->plan,
                                     .whole_plan = r->resume.sessions ? &r->resume.plan : NULL,
@@ -255,16 +258,17 @@ static enum st run_session(struct run *r, struct errctx *err) {
                                     .report = on_status,
                                     .report_ctx = r};
     enum st st = session_open(&config, &r->session, err);
-    if (st)
-        return st;
-    cmd_capture_text_plan(r->path, r->station.name, &r->plan, session_forecast(r->session),
-                          r->resume.sessions ? r->resume.covered : (double)NAN);
-    if (r->o->plan_only)
-        return ST_OK;
+    if (!st)
+        cmd_capture_text_plan(r->path, r->station.name, &r->plan, session_forecast(r->session),
+                              r->resume.sessions ? r->resume.covered : (double)NAN);
+    return st;
+}
+
+static enum st run_session(struct run *r, struct errctx *err) {
     running = r->session;
     catch_signals();
     notify_send("READY=1");
-    st = session_run(r->session, &r->result, err);
+    enum st st = session_run(r->session, &r->result, err);
     notify_send("STOPPING=1");
     running = NULL;
     if (r->line_open)
@@ -273,22 +277,49 @@ static enum st run_session(struct run *r, struct errctx *err) {
     return st;
 }
 
+/* Everything up to the moment in which something moves. */
+static enum st prepare(struct run *r, struct errctx *err) {
+    enum st st = find_station(r, err);
+    if (!st)
+        st = cmd_capture_cart_calibrate(&r->cart, r->o, r->site, &r->camera_id, &r->plan, err);
+    r->result.complete = !st && r->resume.sessions && r->resume.complete;
+    if (st || r->result.complete)
+        return st;
+    st = cmd_capture_cart_open(&r->cart, r->o, r->station.name, err);
+    return st ? st : open_session(r, err);
+}
+
+/* A cart that cannot scan, or a plan alone, leaves the site as it was. */
 static enum st scan(struct run *r, struct errctx *err) {
     enum st st = make_plan(r, err);
     if (!st)
         st = open_site(r, err);
     if (!st)
-        st = find_station(r, err);
-    if (!st)
-        st = cmd_capture_cart_calibrate(&r->cart, r->o, r->site, &r->camera_id, &r->plan, err);
+        st = site_begin(r->site, err);
     if (st)
         return st;
-    if (r->resume.sessions && r->resume.complete) {
-        r->result.complete = true;
-        return ST_OK;
+    st = prepare(r, err);
+    if (st || r->o->plan_only) {
+        site_rollback(r->site);
+        return st;
     }
-    st = cmd_capture_cart_open(&r->cart, r->o, r->station.name, err);
-    return st ? st : run_session(r, err);
+    st = site_commit(r->site, err);
+    r->kept = !st;
+    return st || r->result.complete ? st : run_session(r, err);
+}
+
+/* Takes a site away again that was made for a scan that did not begin: only what a new site has. */
+static void remove_site(const char *path) {
+    static const char *const files[] = {"site.db", "site.db-wal", "site.db-shm", "writer.lock"};
+    static const char *const folders[] = {"frames", "photos", "tiles"};
+    char name[FILEIO_PATH_MAX];
+    for (size_t i = 0; i < sizeof files / sizeof files[0]; i++)
+        if (!fileio_join(path, files[i], name, NULL))
+            (void)unlink(name);
+    for (size_t i = 0; i < sizeof folders / sizeof folders[0]; i++)
+        if (!fileio_join(path, folders[i], name, NULL))
+            (void)rmdir(name);
+    (void)rmdir(path);
 }
 
 static int run(const struct cmd_capture_options *o, const char *path) {
@@ -315,6 +346,8 @@ static int run(const struct cmd_capture_options *o, const char *path) {
     session_close(r->session);
     enum st closed = site_close(r->site, st ? NULL : &err);
     st = st ? st : closed;
+    if (r->made && !r->kept)
+        remove_site(path);
     cmd_capture_cart_close(&r->cart);
     free(r);
     return st ? app_fail("capture", &err) : APP_DONE;

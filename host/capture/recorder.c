@@ -499,7 +499,8 @@ static enum st add_streams(struct recorder *r, struct errctx *err) {
     size_t head_bytes = wanted < HEAD_TAPE_MIN_BYTES   ? HEAD_TAPE_MIN_BYTES
                         : wanted > HEAD_TAPE_MAX_BYTES ? HEAD_TAPE_MAX_BYTES
                                                        : (size_t)wanted;
-    enum st st = site_begin(r->config.site, err);
+    const bool own = !site_in_batch(r->config.site); /* else the caller decides what remains */
+    enum st st = own ? site_begin(r->config.site, err) : ST_OK;
     if (st)
         return st;
     st = add_stream(r, &r->head, "head", "head_packet.1", head_bytes, err);
@@ -510,9 +511,10 @@ static enum st add_streams(struct recorder *r, struct errctx *err) {
     if (!st && r->config.lines)
         st = add_stream(r, &r->gpio, "gpio", "gpio_edge.1", SLOW_TAPE_BYTES, err);
     r->has_gpio = r->config.lines != NULL;
-    if (!st)
+    if (own && !st)
         return site_commit(r->config.site, err);
-    site_rollback(r->config.site);
+    if (own)
+        site_rollback(r->config.site);
     return st;
 }
 

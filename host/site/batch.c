@@ -58,6 +58,10 @@ enum st batch_end(struct site *site, enum st st, struct errctx *err) {
     return st;
 }
 
+bool site_in_batch(const struct site *site) {
+    return site->in_batch;
+}
+
 enum st site_begin(struct site *site, struct errctx *err) {
     if (site->in_batch)
         return errctx_set(err, ST_INVALID, "a batch is open already");

@@ -105,6 +105,8 @@ enum site_mode site_mode_of(const struct site *site);
 ST_MUST_CHECK enum st site_begin(struct site *site, struct errctx *err);
 ST_MUST_CHECK enum st site_commit(struct site *site, struct errctx *err);
 void site_rollback(struct site *site);
+/* A batch of the caller's is open. */
+bool site_in_batch(const struct site *site);
 
 /* True for a name: 1..SITE_NAME_MAX-1 bytes of UTF-8 without control characters, '/' or '\'. */
 bool site_name_is_valid(const char *name);

@@ -31,6 +31,7 @@ run 0 'samples' fuse "$dir/a"
 
 echo '== a plan alone'
 run 0 'at most' capture "$dir/p" --board "$dir/board" "${quick[@]}" --plan
+[ ! -e "$dir/p" ] || fail 'a plan alone made a site'
 
 echo '== twice the same: the same raw bytes'
 run 0 complete capture "$dir/s" --board "$dir/board" "${small[@]}" "${quick[@]}"
@@ -59,6 +60,7 @@ printf 'name: x\ncontroler: 3\n' >"$dir/bad.yaml"
 run 1 'bad.yaml:2' capture "$dir/x" --board "$dir/bad.yaml"
 printf 'name: x\ncontroller:\n  device: /dev/nothing\nhead:\n  usb_vendor: 1\n  usb_product: 1\n' >"$dir/bad.yaml"
 run 1 '/dev/nothing' capture "$dir/x" --board "$dir/bad.yaml"
+[ ! -e "$dir/x" ] || fail 'a cart that is not there left a site behind'
 run 1 'preview, field, survey' capture "$dir/x" --board "$dir/board" --quality best
 run 1 'begins' capture "$dir/x" --board "$dir/board" --from 10 --to 5
 run 1 'not a site' capture "$dir/nosite" --board "$dir/board" --resume
