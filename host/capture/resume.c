@@ -48,6 +48,13 @@ static bool together(const struct resume_span *span, uint64_t turns, double step
     return turns < 3 ? way <= 4 * steps_a_turn : fabs(way - usual) <= even * usual;
 }
 
+/* Has the pan come to rest where the sweep was to end, while the head was still measuring? */
+static bool is_end(const struct index_event *e, const struct scan_plan *plan) {
+    const double rounding_steps = 1;
+    return !(e->flags & INDEX_EVENT_SWEEP) && e->flags & INDEX_EVENT_LASER &&
+           e->pan_steps >= plan->pan_to_steps - rounding_steps;
+}
+
 /* Spans between the events of one session, none later than the head's last packet. */
 static enum st cover(struct site *site, const struct stream *index, int64_t head_end_ns,
                      struct resume *r, struct errctx *err) {
@@ -65,9 +72,12 @@ static enum st cover(struct site *site, const struct stream *index, int64_t head
         for (size_t i = 0; i < count && !st; i++) {
             struct index_event e = event_wire_decode(bytes + i * EVENT_WIRE_BYTES);
             int64_t t_ns = chunk.t_last_ns - (last_ns - e.t_ns);
-            if (e.kind != INDEX_EVENT_INDEX || (e.flags & swept) != swept ||
-                t_ns > head_end_ns + late_ns)
+            if (e.kind != INDEX_EVENT_INDEX || t_ns > head_end_ns + late_ns)
                 continue;
+            if ((e.flags & swept) != swept) {
+                r->end_seen = r->end_seen || (before.flags && is_end(&e, &r->plan));
+                continue;
+            }
             struct resume_span span = {before.pan_steps, e.pan_steps};
             uint64_t turns = e.revolution - before.revolution;
             if (before.flags && together(&span, turns, r->plan.steps_per_revolution) &&
@@ -163,13 +173,15 @@ static enum st take_photos(struct site *site, int64_t station_id, struct resume 
 /* ---- what is left ---- */
 
 /* A sweep's first event comes up to a turn behind its start, and its last one up to a turn before
- * its end: that much is never covered, also in a scan that nothing disturbed. */
+ * its end: that much is never covered, also in a scan that nothing disturbed. Where a session died
+ * so near to the end that this may be why, only an event behind the end tells that it was there. */
 static void find_rest(struct resume *r) {
     const struct scan_plan *plan = &r->plan;
     double turn = plan->steps_per_revolution, from = plan->pan_from_steps, to = plan->pan_to_steps;
     double first = from, last = to, covered = 0;
     double at = from + end_turns * turn; /* what comes before needs no cover */
     bool begun = false;
+    double near_end = r->end_seen ? to - end_turns * turn : to;
     for (size_t i = 0; i < r->spans; i++) {
         const struct resume_span *s = &r->span[i];
         covered += fmax(0, fmin(s->to_steps, to) - fmax(s->from_steps, from));
@@ -178,11 +190,11 @@ static void find_rest(struct resume *r) {
         else if (s->from_steps > at)
             begun = true;
     }
-    if (r->spans && r->span[r->spans - 1].to_steps >= to - end_turns * turn &&
+    if (r->spans && r->span[r->spans - 1].to_steps >= near_end &&
         r->span[r->spans - 1].from_steps > first)
         last = r->span[r->spans - 1].from_steps + overlap_turns * turn;
     r->rest = *plan;
-    if (first >= to - end_turns * turn || to <= from) {
+    if (first >= near_end || to <= from) {
         r->rest.pan_from_steps = r->rest.pan_to_steps = plan->pan_to_steps;
     } else {
         double start = first > from ? floor(first - overlap_turns * turn) : from;

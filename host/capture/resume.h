@@ -28,7 +28,8 @@ struct resume {
     struct scan_plan plan;                     /* as it was meant */
     struct resume_span span[RESUME_MAX_SPANS]; /* covered, ascending, apart */
     size_t spans;
-    double covered;                                         /* part of the sweep, 0 to 1 */
+    bool end_seen;  /* a session has measured until the pan was at rest at the sweep's end */
+    double covered; /* part of the sweep, 0 to 1 */
     bool photo[SCAN_PLAN_MAX_PASSES][SCAN_PLAN_MAX_PHOTOS]; /* is there */
     uint32_t photos;
     int64_t last_stream_id;     /* of the newest head stream */
@@ -40,7 +41,8 @@ struct resume {
 /* Reads it. ST_NOT_FOUND: the station has no head stream (sessions 0 too). ST_FORMAT: its first one
  * does not say what was planned. Cost: the headers of all chunks, all index events. A pan position
  * is covered if it lies between two index events of the sweep, at most two missed pulses apart,
- * that came no later than the last head packet stored. */
+ * that came no later than the last head packet stored. The sweep is complete up to its end, which
+ * lies up to a turn behind its last event, only where an event behind the end says so. */
 ST_MUST_CHECK enum st resume_find(struct site *site, int64_t station_id, struct resume *out_resume,
                                   struct errctx *err);
 

@@ -1,6 +1,8 @@
 /* A capture that dies at any instant: killed 200 times (SCANCART_KILLS for more), each time the
  * site is good, lacks at most a second, and the scan goes on; in the end the union is what an
- * undisturbed run covers. */
+ * undisturbed run covers. The same where the power goes after each of the batches in turn, which
+ * needs no luck. What fails is told with the state of the site; SCANCART_KEEP=1 leaves the site
+ * where it is, SCANCART_KILL_US=n chooses instants within the first n microseconds. */
 #define _DEFAULT_SOURCE /* MAP_ANONYMOUS */
 #include "base/clock.h"
 #include "site/site_check.h"
@@ -11,138 +13,274 @@
 
 #include <math.h>
 #include <signal.h>
+#include <stdarg.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
 #include <time.h>
 
-enum { KILLS = 200, KILLS_A_SITE = 8, SAMPLE_HZ = 2000 };
+enum { KILLS = 200, KILLS_A_SITE = 8, SAMPLE_HZ = 2000, CUT_MS = 200, LONGEST_US = 250000 };
 static const double degrees = 8;
 
+struct shared { /* with the child */
+    _Atomic uint64_t handed_over;
+    char text[1024]; /* what its scan ended with */
+};
+
 static char dir[TEMPDIR_MAX];
-static _Atomic uint64_t *handed_over; /* shared with the child */
+static char path[TEMPDIR_MAX + 32]; /* of the site at hand */
+static struct shared *shared;
+static struct resume whole, before, at; /* undisturbed; before and after the last kill */
+static char last_kill[160];             /* how to tell it */
 
 static int set_up(void **state) {
     (void)state;
-    handed_over =
-        mmap(NULL, sizeof *handed_over, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    return handed_over == MAP_FAILED || !tempdir_make(dir);
+    shared = mmap(NULL, sizeof *shared, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    return shared == MAP_FAILED || !tempdir_make(dir);
 }
 
 static int tear_down(void **state) {
     (void)state;
-    tempdir_remove(dir);
+    if (getenv("SCANCART_KEEP"))
+        (void)printf("kept: %s\n", dir);
+    else
+        tempdir_remove(dir);
     return 0;
 }
 
-static enum st scan(const char *path, struct errctx *err) {
+/* ---- what is told where a claim does not hold ---- */
+
+static void tell_resume(const char *name, const struct resume *r) {
+    double turn = r->plan.steps_per_revolution;
+    (void)printf("  %s: %u sessions, the newest on stream %lld; %.4f covered, %u photographs, %s\n",
+                 name, r->sessions, (long long)r->last_stream_id, r->covered, r->photos,
+                 r->complete ? "complete" : "not complete");
+    (void)printf("    planned %d..%d steps, %g a turn; left %d..%d; has", r->plan.pan_from_steps,
+                 r->plan.pan_to_steps, turn, r->rest.pan_from_steps, r->rest.pan_to_steps);
+    for (size_t i = 0; i < r->spans; i++)
+        (void)printf(" %.2f..%.2f", r->span[i].from_steps, r->span[i].to_steps);
+    (void)printf("\n");
+}
+
+static void tell_files(void) {
+    DIR *entries = opendir(path);
+    (void)printf("  files:");
+    for (struct dirent *e = entries ? readdir(entries) : NULL; e; e = readdir(entries)) {
+        char name[sizeof path + 260];
+        struct stat info = {0};
+        (void)snprintf(name, sizeof name, "%s/%s", path, e->d_name);
+        if (e->d_name[0] != '.' && !stat(name, &info))
+            (void)printf(" %s (%lld)", e->d_name, (long long)info.st_size);
+    }
+    (void)printf("\n");
+    if (entries)
+        (void)closedir(entries);
+}
+
+/* Fails with all that is known of the site, where the claim does not hold. */
+static void claim(bool holds, const char *fmt, ...) ST_PRINTF(2, 3);
+static void claim(bool holds, const char *fmt, ...) {
+    char text[400];
+    va_list args;
+    if (holds)
+        return;
+    va_start(args, fmt);
+    (void)vsnprintf(text, sizeof text, fmt, args);
+    va_end(args);
+    struct site_check_result result = {0};
+    struct errctx err = {0};
+    (void)printf("FAILED: %s\n  %s\n", text, last_kill);
+    enum st st = site_check(path, NULL, &result, &err);
+    (void)printf("  check: %s, %llu errors %s %s %s\n", st_name(st),
+                 (unsigned long long)result.errors, st ? err.text : "", result.first.where,
+                 result.first.what);
+    (void)printf("  head: %llu packets handed over, %lld stored; the scan said: %s\n",
+                 (unsigned long long)shared->handed_over, (long long)fake_scan_packets(path),
+                 shared->text[0] ? shared->text : "nothing");
+    tell_resume("undisturbed", &whole);
+    tell_resume("before", &before);
+    tell_resume("after", &at);
+    tell_files();
+    (void)fflush(stdout);
+    fail_msg("%s; %s", text, last_kill);
+}
+
+/* ---- one scan ---- */
+
+static enum st scan(int64_t power_ns, struct errctx *err) {
     struct scan_plan plan = fake_scan_plan(degrees);
-    struct fake_cart_spec spec = {
-        .sample_hz = SAMPLE_HZ, .host_offset_ns = 7000000000, .handed_over = handed_over};
+    struct fake_cart_spec spec = {.sample_hz = SAMPLE_HZ,
+                                  .host_offset_ns = 7000000000,
+                                  .power_ns = power_ns,
+                                  .handed_over = &shared->handed_over};
     struct session_result result;
     return fake_scan_run(path, &plan, &spec, &result, err);
 }
 
 /* Starts a scan, kills it after `us` (0: lets it end). Returns true if it was killed. */
-static bool scan_and_kill(const char *path, uint32_t us) {
+static bool scan_and_kill(uint32_t us) {
     int status = 0;
-    *handed_over = 0;
+    shared->handed_over = 0;
+    shared->text[0] = '\0';
     (void)fflush(NULL);
     pid_t child = fork();
-    assert_true(child >= 0);
+    claim(child >= 0, "no other process can be started");
     if (!child) {
         struct errctx err = {0};
-        enum st st = scan(path, &err);
+        enum st st = scan(0, &err);
         if (st)
-            (void)printf("scan: %s\n", err.text);
-        (void)fflush(NULL);
+            (void)snprintf(shared->text, sizeof shared->text, "%s: %s", st_name(st), err.text);
         _exit(st ? 1 : 0);
     }
     if (us) {
         struct timespec t = {us / 1000000, (long)(us % 1000000) * 1000};
         (void)nanosleep(&t, NULL);
-        assert_int_equal(kill(child, SIGKILL), 0);
+        claim(!kill(child, SIGKILL), "the child cannot be killed");
     }
-    assert_int_equal(waitpid(child, &status, 0), child);
-    if (WIFSIGNALED(status))
+    claim(waitpid(child, &status, 0) == child, "the child cannot be waited for");
+    if (WIFSIGNALED(status) && us && WTERMSIG(status) == SIGKILL)
         return true;
-    assert_int_equal(WEXITSTATUS(status), 0); /* it never fails by itself */
+    claim(WIFEXITED(status) && !WEXITSTATUS(status),
+          "a scan failed by itself (wait status 0x%x): %s", (unsigned)status, shared->text);
     return false;
 }
 
-static void verify(const char *path) {
+static void verify(void) {
     struct site_check_result result = {0};
     struct errctx err = {0};
     enum st st = site_check(path, NULL, &result, &err);
-    if (st == ST_NOT_FOUND)
-        return; /* killed before there was a site */
-    if (st || result.errors)
-        fail_msg("%s %s: %s", err.text, result.first.where, result.first.what);
+    claim(!st || st == ST_NOT_FOUND, "the site cannot be checked: %s", err.text);
+    claim(!result.errors, "the site is not good: %s: %s", result.first.where, result.first.what);
 }
 
 /* Stored by the newest session against what it had been given: at most a second is missing. */
-static int64_t lost_packets(const char *path, uint32_t sessions_before, struct resume *after) {
-    if (!fake_scan_state(path, after) || after->sessions <= sessions_before)
+static int64_t check_lost(void) {
+    memset(&at, 0, sizeof at);
+    if (!fake_scan_state(path, &at)) {
+        claim(!before.sessions, "what had been scanned cannot be found any more");
+        return 0;
+    }
+    claim(at.sessions >= before.sessions, "a session has gone");
+    claim(at.covered >= before.covered, "what was covered is not covered any more");
+    claim(at.photos >= before.photos, "a photograph has gone");
+    if (at.sessions == before.sessions)
         return 0; /* it had not begun to measure */
-    return (int64_t)*handed_over - fake_scan_packets(path);
+    int64_t lost = (int64_t)shared->handed_over - fake_scan_packets(path);
+    claim(lost >= 0 && lost <= SAMPLE_HZ / 34 + 1, "%lld packets lost", (long long)lost);
+    return lost;
 }
+
+static void remember(void) {
+    memset(&before, 0, sizeof before);
+    (void)fake_scan_state(path, &before);
+}
+
+/* The same positions, but for the part of a turn that chance decides at either end. */
+static void check_whole(void) {
+    verify();
+    claim(fake_scan_state(path, &at) && at.complete, "the scan is not complete");
+    double turn = at.plan.steps_per_revolution;
+    claim(at.spans == 1, "the scan is in %zu pieces", at.spans);
+    claim(fabs(at.span[0].from_steps - whole.span[0].from_steps) <= turn, "the scan begins late");
+    claim(fabs(at.span[0].to_steps - whole.span[0].to_steps) <= turn, "the scan ends early");
+    claim(!memcmp(at.photo, whole.photo, sizeof at.photo), "other photographs");
+}
+
+/* Returns how long it took. */
+static uint32_t scan_undisturbed(void) {
+    int64_t start_ns = clock_now_ns();
+    (void)snprintf(path, sizeof path, "%.500s/whole", dir);
+    (void)snprintf(last_kill, sizeof last_kill, "undisturbed");
+    memset(&before, 0, sizeof before);
+    memset(&at, 0, sizeof at);
+    memset(&whole, 0, sizeof whole);
+    claim(!scan_and_kill(0), "killed by somebody else");
+    int64_t took_ns = clock_now_ns() - start_ns;
+    claim(fake_scan_state(path, &whole) && whole.complete && whole.spans == 1,
+          "an undisturbed scan is not complete");
+    tempdir_remove(path);
+    return took_ns < LONGEST_US * (int64_t)1000 ? (uint32_t)(took_ns / 1000) : LONGEST_US;
+}
+
+/* ---- the claims ---- */
 
 static void killed_at_any_instant_it_goes_on_and_the_union_is_whole(void **state) {
     (void)state;
-    static struct resume whole, at, before;
-    struct rng rng = rng_make(prop_seed());
-    const char *more = getenv("SCANCART_KILLS");
+    uint64_t seed = prop_seed();
+    struct rng rng = rng_make(seed);
+    const char *more = getenv("SCANCART_KILLS"), *within = getenv("SCANCART_KILL_US");
     int kills = more ? atoi(more) : KILLS, killed = 0, sites = 0, resumed = 0;
-    int64_t worst = 0, start_ns = clock_now_ns();
-    char path[TEMPDIR_MAX + 32];
-    (void)snprintf(path, sizeof path, "%.500s/whole", dir);
-    assert_false(scan_and_kill(path, 0));
-    uint32_t took_us = (uint32_t)((clock_now_ns() - start_ns) / 1000);
-    const uint32_t longest_us = 250000; /* measured while others worked, it may be far too long */
-    took_us = took_us < longest_us ? took_us : longest_us;
-    assert_true(fake_scan_state(path, &whole) && whole.complete && whole.spans == 1);
+    int64_t worst = 0;
+    uint32_t within_us = scan_undisturbed(); /* while others work it may be far too long */
+    within_us = within && atoi(within) > 0 ? (uint32_t)atoi(within) : within_us;
     while (killed < kills) {
         (void)snprintf(path, sizeof path, "%.500s/site%d", dir, sites++);
         bool ended = false;
         for (int i = 0; i < KILLS_A_SITE && killed < kills && !ended; i++) {
-            memset(&before, 0, sizeof before);
-            (void)fake_scan_state(path, &before);
-            ended = !scan_and_kill(path, 1 + rng_below(&rng, took_us));
+            uint32_t us = 1 + rng_below(&rng, within_us);
+            (void)snprintf(last_kill, sizeof last_kill,
+                           "seed %llu, site %d, kill %d of it (%d of all), %u us after its start",
+                           (unsigned long long)seed, sites - 1, i, killed, us);
+            remember();
+            ended = !scan_and_kill(us);
             killed += !ended;
-            verify(path);
-            memset(&at, 0, sizeof at);
-            int64_t lost = lost_packets(path, before.sessions, &at);
+            verify();
+            int64_t lost = check_lost();
             worst = lost > worst ? lost : worst;
-            assert_in_range(lost, 0, SAMPLE_HZ / 34 + 1);
-            assert_true(at.covered >= before.covered); /* what was there stays */
-            assert_true(at.photos >= before.photos);
         }
-        assert_false(scan_and_kill(path, 0));
-        verify(path);
+        remember();
+        claim(!scan_and_kill(0), "killed by somebody else");
         if (sites % 20 == 0) {
             (void)printf("%d kills, at most %lld packets lost\n", killed, (long long)worst);
             (void)fflush(stdout);
         }
-        assert_true(fake_scan_state(path, &at));
-        assert_true(at.complete);
+        check_whole();
         resumed += at.sessions > 1;
-        /* the same positions, but for the part of a turn that chance decides at either end */
-        double turn = at.plan.steps_per_revolution;
-        assert_int_equal(at.spans, 1);
-        assert_true(fabs(at.span[0].from_steps - whole.span[0].from_steps) <= turn);
-        assert_true(fabs(at.span[0].to_steps - whole.span[0].to_steps) <= turn);
-        assert_memory_equal(at.photo, whole.photo, sizeof at.photo);
         tempdir_remove(path);
     }
     (void)printf("%d kills of %d scans (%d went on in parts), at most %lld of %d packets a second "
                  "lost\n",
                  killed, sites, resumed, (long long)worst, SAMPLE_HZ / 34);
-    assert_true(resumed > 0);
+    claim(resumed > 0, "no scan went on in parts");
+}
+
+/* Cuts the power of a scan after power_ns of its own time. Returns false if it ended before. */
+static bool scan_and_cut(int64_t power_ns) {
+    struct errctx err = {0};
+    shared->handed_over = 0;
+    shared->text[0] = '\0';
+    enum st st = scan(power_ns, &err);
+    (void)snprintf(shared->text, sizeof shared->text, "%s: %s", st_name(st), st ? err.text : "");
+    claim(!st || st == ST_CANCELLED, "a scan failed by itself: %s", err.text);
+    return st == ST_CANCELLED;
+}
+
+static void cut_after_each_batch_it_goes_on_and_the_union_is_whole(void **state) {
+    (void)state;
+    (void)scan_undisturbed();
+    int cuts = 0;
+    bool cut = true;
+    for (int64_t t_ns = CUT_MS * (int64_t)1000000; cut; t_ns += CUT_MS * (int64_t)1000000) {
+        (void)snprintf(path, sizeof path, "%.500s/cut%d", dir, cuts++);
+        (void)snprintf(last_kill, sizeof last_kill, "power cut after %lld ms",
+                       (long long)t_ns / 1000000);
+        remember();
+        cut = scan_and_cut(t_ns);
+        verify();
+        (void)check_lost();
+        remember();
+        (void)scan_and_cut(0);
+        check_whole();
+        tempdir_remove(path);
+    }
+    (void)printf("%d cuts\n", cuts);
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(killed_at_any_instant_it_goes_on_and_the_union_is_whole,
+                                        set_up, tear_down),
+        cmocka_unit_test_setup_teardown(cut_after_each_batch_it_goes_on_and_the_union_is_whole,
                                         set_up, tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
