@@ -1,6 +1,7 @@
 #include "fusion/layer.h"
 
 #include "base/image.h"
+#include "base/pages.h"
 
 #include <math.h>
 #include <omp.h>
@@ -76,7 +77,7 @@ enum st layer_create(const struct camera *camera, const struct pose *station_fro
     struct layer_image image = {
         .camera = *camera, .station_from_cam = *station_from_cam, .params = *params};
     struct layer_scratch *scratch = calloc(1, sizeof *scratch);
-    image.px = calloc(pixels, sizeof *image.px);
+    image.px = pages_alloc(pixels, sizeof *image.px);
     image.scratch = scratch;
     if (scratch) {
         scratch->bands = (camera->height_px + BAND_ROWS - 1) / BAND_ROWS;
@@ -101,7 +102,8 @@ void layer_destroy(struct layer_image *image) {
         free(scratch->band_start);
     }
     free(scratch);
-    free(image->px);
+    pages_free(image->px, (size_t)image->camera.width_px * (size_t)image->camera.height_px,
+               sizeof *image->px);
     memset(image, 0, sizeof *image);
 }
 

@@ -1,5 +1,6 @@
 #include "fusion/resolve.h"
 
+#include "base/pages.h"
 #include "fusion/sky.h"
 
 #include <math.h>
@@ -560,7 +561,7 @@ enum st resolve_photo(struct layer_image *image, const struct resolve_params *pa
     struct resolve_counts counts = {0};
     uint8_t *touched = NULL;
     enum st st = ST_OK;
-    w.candidates = malloc(pixels * sizeof *w.candidates);
+    w.candidates = pages_alloc(pixels, sizeof *w.candidates);
     w.refused = calloc(pixels, 1);
     w.support = calloc(pixels, 1);
     touched = malloc(pixels);
@@ -592,7 +593,7 @@ enum st resolve_photo(struct layer_image *image, const struct resolve_params *pa
     if (out_counts)
         *out_counts = counts;
 out:
-    free(w.candidates);
+    pages_free(w.candidates, pixels, sizeof *w.candidates);
     free(w.refused);
     free(w.support);
     free(touched);
