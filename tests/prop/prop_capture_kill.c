@@ -11,6 +11,7 @@
 #include "tests/support/prop.h"
 #include "tests/support/tempdir.h"
 
+#include <limits.h>
 #include <math.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -255,17 +256,20 @@ static bool scan_and_cut(int64_t power_ns) {
     return st == ST_CANCELLED;
 }
 
-static void cut_after_each_batch_it_goes_on_and_the_union_is_whole(void **state) {
-    (void)state;
-    (void)scan_undisturbed();
+/* Cuts a scan at from_ms, from_ms + CUT_MS, ... of its session, until to_ms or its end. Where
+ * first_ms > 0 the scan has been cut there before, and the session is the one that goes on. */
+static int cut_each(int first_ms, int from_ms, int to_ms) {
+    const int64_t ms = 1000000;
     int cuts = 0;
     bool cut = true;
-    for (int64_t t_ns = CUT_MS * (int64_t)1000000; cut; t_ns += CUT_MS * (int64_t)1000000) {
-        (void)snprintf(path, sizeof path, "%.500s/cut%d", dir, cuts++);
-        (void)snprintf(last_kill, sizeof last_kill, "power cut after %lld ms",
-                       (long long)t_ns / 1000000);
+    for (int t_ms = from_ms; cut && t_ms < to_ms; t_ms += CUT_MS) {
+        (void)snprintf(path, sizeof path, "%.500s/cut%d-%d", dir, first_ms, cuts++);
+        (void)snprintf(last_kill, sizeof last_kill, "power cut at %d, then at %d ms", first_ms,
+                       t_ms);
+        if (first_ms)
+            (void)scan_and_cut(first_ms * ms);
         remember();
-        cut = scan_and_cut(t_ns);
+        cut = scan_and_cut(t_ms * ms);
         verify();
         (void)check_lost();
         remember();
@@ -273,7 +277,16 @@ static void cut_after_each_batch_it_goes_on_and_the_union_is_whole(void **state)
         check_whole();
         tempdir_remove(path);
     }
-    (void)printf("%d cuts\n", cuts);
+    return cuts;
+}
+
+static void cut_after_each_batch_it_goes_on_and_the_union_is_whole(void **state) {
+    (void)state;
+    enum { FROM_MS = 16000, TO_MS = 24000 }; /* around the end of the second session's sweep */
+    (void)scan_undisturbed();
+    int once = cut_each(0, CUT_MS, INT_MAX);
+    int twice = cut_each(19433, FROM_MS, TO_MS) + cut_each(17000, FROM_MS, TO_MS);
+    (void)printf("%d scans cut once, %d twice\n", once, twice);
 }
 
 int main(void) {
