@@ -339,42 +339,20 @@ static enum st take_ledger(struct work *w, const struct stream *stream, struct e
     return ST_OK;
 }
 
-static enum st count_frames(struct work *w, int64_t station_id, struct errctx *err) {
-    struct frame_row *page = calloc(PAGE, sizeof *page);
-    if (!page)
-        return errctx_set(err, ST_NOMEM, "no memory for the list of photographs");
-    size_t count = PAGE;
-    int64_t after = 0;
-    enum st st = ST_OK;
-    while (!st && count == PAGE) {
-        st = frame_row_list(w->site, station_id, after, page, PAGE, &count, err);
-        w->out->frames += st ? 0 : (int64_t)count;
-        after = !st && count ? page[count - 1].id : after;
-    }
-    free(page);
-    return st;
+static enum st visit_frame(void *ctx, const struct frame_row *row, struct errctx *err) {
+    struct work *w = ctx;
+    (void)row;
+    (void)err;
+    w->out->frames++;
+    return ST_OK;
 }
 
 /* ---- the whole ---- */
 
-static enum st take_streams(struct work *w, int64_t station_id, struct errctx *err) {
-    struct stream *page = calloc(PAGE, sizeof *page);
-    if (!page)
-        return errctx_set(err, ST_NOMEM, "no memory for the list of streams");
-    size_t count = PAGE;
-    int64_t after = 0;
-    enum st st = ST_OK;
-    while (!st && count == PAGE) {
-        st = stream_list(w->site, station_id, after, page, PAGE, &count, err);
-        for (size_t i = 0; i < count && !st; i++) {
-            after = page[i].id;
-            st = take_ledger(w, &page[i], err);
-            if (!st && !strcmp(page[i].kind, "head"))
-                st = take_session(w, &page[i], err);
-        }
-    }
-    free(page);
-    return st;
+static enum st visit_stream(void *ctx, const struct stream *stream, struct errctx *err) {
+    struct work *w = ctx;
+    enum st st = take_ledger(w, stream, err);
+    return st || strcmp(stream->kind, "head") != 0 ? st : take_session(w, stream, err);
 }
 
 enum st report_make(struct site *site, int64_t station_id, const struct rig *rig,
@@ -389,9 +367,9 @@ enum st report_make(struct site *site, int64_t station_id, const struct rig *rig
     w->out = out_report;
     w->step_low = INFINITY;
     w->step_high = -INFINITY;
-    enum st st = take_streams(w, station_id, err);
+    enum st st = stream_each(site, station_id, visit_stream, w, err);
     if (!st)
-        st = count_frames(w, station_id, err);
+        st = frame_row_each(site, station_id, visit_frame, w, err);
     if (!st && !out_report->sessions)
         st = errctx_set(err, ST_NOT_FOUND, "nothing has been scanned from this station");
     share_of_sphere(w);

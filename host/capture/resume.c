@@ -7,10 +7,7 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-
-enum { PAGE = 16 };
 
 static const double overlap_turns = 2;    /* the rest begins that much before the first gap */
 static const double end_turns = 1.75;     /* what may be missing at either end, see below */
@@ -91,6 +88,12 @@ static enum st cover(struct site *site, const struct stream *index, int64_t head
     return st == ST_NOT_FOUND ? ST_OK : st;
 }
 
+/* What is visited of a site. */
+struct visit {
+    struct site *site;
+    struct resume *resume;
+};
+
 /* One head stream and the index stream of the same name. */
 static enum st take_session(struct site *site, const struct stream *head, struct resume *r,
                             struct errctx *err) {
@@ -113,24 +116,10 @@ static enum st take_session(struct site *site, const struct stream *head, struct
     return st ? st : cover(site, &index, state.t_last_ns, r, err);
 }
 
-static enum st take_sessions(struct site *site, int64_t station_id, struct resume *r,
-                             struct errctx *err) {
-    struct stream *page = calloc(PAGE, sizeof *page);
-    if (!page)
-        return errctx_set(err, ST_NOMEM, "no memory for the list of streams");
-    size_t count = PAGE;
-    int64_t after = 0;
-    enum st st = ST_OK;
-    while (!st && count == PAGE) {
-        st = stream_list(site, station_id, after, page, PAGE, &count, err);
-        for (size_t i = 0; i < count && !st; i++) {
-            after = page[i].id;
-            if (!strcmp(page[i].kind, "head"))
-                st = take_session(site, &page[i], r, err);
-        }
-    }
-    free(page);
-    return st;
+static enum st visit_stream(void *ctx, const struct stream *stream, struct errctx *err) {
+    struct visit *v = ctx;
+    return strcmp(stream->kind, "head") != 0 ? ST_OK
+                                             : take_session(v->site, stream, v->resume, err);
 }
 
 /* ---- photographs ---- */
@@ -151,23 +140,11 @@ static void take_photo(const struct frame_row *row, struct resume *r) {
         }
 }
 
-static enum st take_photos(struct site *site, int64_t station_id, struct resume *r,
-                           struct errctx *err) {
-    struct frame_row *page = calloc(PAGE, sizeof *page);
-    if (!page)
-        return errctx_set(err, ST_NOMEM, "no memory for the list of photographs");
-    size_t count = PAGE;
-    int64_t after = 0;
-    enum st st = ST_OK;
-    while (!st && count == PAGE) {
-        st = frame_row_list(site, station_id, after, page, PAGE, &count, err);
-        for (size_t i = 0; i < count && !st; i++) {
-            after = page[i].id;
-            take_photo(&page[i], r);
-        }
-    }
-    free(page);
-    return st;
+static enum st visit_frame(void *ctx, const struct frame_row *row, struct errctx *err) {
+    struct visit *v = ctx;
+    (void)err;
+    take_photo(row, v->resume);
+    return ST_OK;
 }
 
 /* ---- what is left ---- */
@@ -219,11 +196,12 @@ enum st resume_find(struct site *site, int64_t station_id, struct resume *out_re
                     struct errctx *err) {
     struct resume *r = out_resume;
     memset(r, 0, sizeof *r);
-    enum st st = take_sessions(site, station_id, r, err);
+    struct visit visit = {site, r};
+    enum st st = stream_each(site, station_id, visit_stream, &visit, err);
     if (!st && !r->sessions)
         return errctx_set(err, ST_NOT_FOUND, "nothing has been scanned from this station");
     if (!st)
-        st = take_photos(site, station_id, r, err);
+        st = frame_row_each(site, station_id, visit_frame, &visit, err);
     if (!st)
         find_rest(r);
     return st;

@@ -1,5 +1,7 @@
 #include "site/frame_row.h"
 
+#include <stdlib.h>
+
 #include "site/batch.h"
 #include "site/files.h"
 #include "site/store.h"
@@ -106,4 +108,25 @@ enum st frame_row_list(struct site *site, int64_t station_id, int64_t after_id,
                           : "SELECT * FROM frame WHERE id > ?1 ORDER BY id";
     return store_list(site, sql, numbers, station_id ? 2 : 1, STORE_FRAME, list_read_row, out_rows,
                       sizeof *out_rows, capacity, out_count, err);
+}
+
+enum st frame_row_each(struct site *site, int64_t station_id,
+                       enum st (*visit)(void *ctx, const struct frame_row *row, struct errctx *err),
+                       void *ctx, struct errctx *err) {
+    enum { PAGE = 16 };
+    struct frame_row *page = calloc(PAGE, sizeof *page); /* too large for the stack */
+    if (!page)
+        return errctx_set(err, ST_NOMEM, "no memory for the list of photographs");
+    size_t count = PAGE;
+    int64_t after = 0;
+    enum st st = ST_OK;
+    while (!st && count == PAGE) {
+        st = frame_row_list(site, station_id, after, page, PAGE, &count, err);
+        for (size_t i = 0; i < count && !st; i++) {
+            after = page[i].id;
+            st = visit(ctx, &page[i], err);
+        }
+    }
+    free(page);
+    return st;
 }

@@ -36,6 +36,13 @@ ST_MUST_CHECK enum st frame_row_list(struct site *site, int64_t station_id, int6
                                      struct frame_row *out_rows, size_t capacity, size_t *out_count,
                                      struct errctx *err);
 
+/* Calls `visit` for each frame of a station in turn, until one fails; its failure is returned.
+ * ST_NOMEM. */
+ST_MUST_CHECK enum st frame_row_each(struct site *site, int64_t station_id,
+                                     enum st (*visit)(void *ctx, const struct frame_row *row,
+                                                      struct errctx *err),
+                                     void *ctx, struct errctx *err);
+
 #ifdef __cplusplus
 }
 #endif

@@ -143,6 +143,27 @@ enum st stream_list(struct site *site, int64_t station_id, int64_t after_id,
         out_count, err);
 }
 
+enum st stream_each(struct site *site, int64_t station_id,
+                    enum st (*visit)(void *ctx, const struct stream *stream, struct errctx *err),
+                    void *ctx, struct errctx *err) {
+    enum { PAGE = 16 };
+    struct stream *page = calloc(PAGE, sizeof *page); /* too large for the stack */
+    if (!page)
+        return errctx_set(err, ST_NOMEM, "no memory for the list of streams");
+    size_t count = PAGE;
+    int64_t after = 0;
+    enum st st = ST_OK;
+    while (!st && count == PAGE) {
+        st = stream_list(site, station_id, after, page, PAGE, &count, err);
+        for (size_t i = 0; i < count && !st; i++) {
+            after = page[i].id;
+            st = visit(ctx, &page[i], err);
+        }
+    }
+    free(page);
+    return st;
+}
+
 /* Where a stream stands: the newest chunk's header; before the first, sequence -1, end 0 and link
  * 0. */
 struct head {

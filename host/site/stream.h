@@ -88,6 +88,12 @@ ST_MUST_CHECK enum st stream_list(struct site *site, int64_t station_id, int64_t
                                   struct stream *out_streams, size_t capacity, size_t *out_count,
                                   struct errctx *err);
 
+/* Calls `visit` for each of them in turn, until one fails; its failure is returned. ST_NOMEM. */
+ST_MUST_CHECK enum st stream_each(struct site *site, int64_t station_id,
+                                  enum st (*visit)(void *ctx, const struct stream *stream,
+                                                   struct errctx *err),
+                                  void *ctx, struct errctx *err);
+
 /* Reads the chunk headers, not the payloads. */
 ST_MUST_CHECK enum st stream_get_state(struct site *site, int64_t id,
                                        struct stream_state *out_state, struct errctx *err);
