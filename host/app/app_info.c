@@ -96,35 +96,33 @@ static enum st put_stream(struct out *out, const struct stream *stream, struct c
     return ST_OK;
 }
 
+/* Streams of a station on their way out. */
+struct listing {
+    struct out *out;
+    struct cJSON *list;
+};
+
+static enum st visit_stream(void *ctx, const struct stream *stream, struct errctx *err) {
+    const struct listing *listing = ctx;
+    (void)err; /* the same as out->err */
+    return put_stream(listing->out, stream, listing->list);
+}
+
 static enum st put_streams(struct out *out, int64_t station_id, struct cJSON *station) {
-    struct stream *page = calloc(PAGE, sizeof *page);
-    struct cJSON *list = out->json ? json_array(out->json, station, "streams") : NULL;
-    enum st st = page ? ST_OK : errctx_set(out->err, ST_NOMEM, "no memory to list streams");
-    int64_t after = 0;
-    for (size_t count = PAGE; !st && count == PAGE;) {
-        st = stream_list(out->site, station_id, after, page, PAGE, &count, out->err);
-        for (size_t i = 0; i < count && !st; i++) {
-            after = page[i].id;
-            st = put_stream(out, &page[i], list);
-        }
-    }
-    free(page);
-    return st;
+    struct listing listing = {out, out->json ? json_array(out->json, station, "streams") : NULL};
+    return stream_each(out->site, station_id, visit_stream, &listing, out->err);
+}
+
+static enum st visit_frame(void *ctx, const struct frame_row *row, struct errctx *err) {
+    (void)row;
+    (void)err;
+    ++*(int64_t *)ctx;
+    return ST_OK;
 }
 
 static enum st count_frames(struct out *out, int64_t station_id, int64_t *out_count) {
-    struct frame_row *page = calloc(PAGE, sizeof *page);
-    enum st st = page ? ST_OK : errctx_set(out->err, ST_NOMEM, "no memory to list frames");
-    int64_t after = 0, total = 0;
-    for (size_t count = PAGE; !st && count == PAGE;) {
-        st = frame_row_list(out->site, station_id, after, page, PAGE, &count, out->err);
-        if (!st && count)
-            after = page[count - 1].id;
-        total += st ? 0 : (int64_t)count;
-    }
-    free(page);
-    *out_count = total;
-    return st;
+    *out_count = 0;
+    return frame_row_each(out->site, station_id, visit_frame, out_count, out->err);
 }
 
 static void put_photo(struct out *out, const struct photo_row *photo, struct cJSON *parent) {

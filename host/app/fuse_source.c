@@ -240,23 +240,16 @@ static enum st add_session(struct fuse_source *s, const struct stream *head, str
     return ST_OK;
 }
 
+/* A session that has nothing to place its samples by is none. */
+static enum st visit_stream(void *ctx, const struct stream *stream, struct errctx *err) {
+    if (strcmp(stream->kind, "head") != 0)
+        return ST_OK;
+    const enum st st = add_session(ctx, stream, err);
+    return st == ST_NOT_FOUND ? ST_OK : st;
+}
+
 static enum st add_sessions(struct fuse_source *s, int64_t station_id, struct errctx *err) {
-    enum { PAGE = 16 };
-    struct stream *page = malloc(PAGE * sizeof *page);
-    size_t count = PAGE;
-    int64_t after = 0;
-    enum st st = page ? ST_OK : errctx_set(err, ST_NOMEM, "no memory for the list of streams");
-    while (!st && count == PAGE) {
-        st = stream_list(s->site, station_id, after, page, PAGE, &count, err);
-        for (size_t i = 0; i < count && !st; i++) {
-            after = page[i].id;
-            if (!strcmp(page[i].kind, "head"))
-                st = add_session(s, &page[i], err);
-            if (st == ST_NOT_FOUND)
-                st = ST_OK;
-        }
-    }
-    free(page);
+    const enum st st = stream_each(s->site, station_id, visit_stream, s, err);
     return st || s->sessions ? st : ST_NOT_FOUND; /* the text is the last session's */
 }
 
