@@ -3,8 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-/* |second difference| from 1 um to 1 m, 12.8 bins a factor of e... in equal steps of the logarithm.
- */
+/* A window's deviation, from 1 um to 1 m in equal steps of the logarithm. */
 static const double lowest_m = 1e-6, highest_m = 1.0;
 
 struct noise_model noise_model_constant(double sigma_m, double sigma_per_m) {
@@ -40,46 +39,130 @@ double noise_sigma(const struct noise_model *model, double intensity, double ran
 
 void noise_meter_init(struct noise_meter *meter) {
     memset(meter, 0, sizeof *meter);
-    meter->r1_m = meter->r2_m = (double)NAN;
-    meter->i1 = meter->i2 = (double)NAN;
+    double square = 0.0;
+    for (int i = 0; i < NOISE_WINDOW; i++) {
+        double t = i - 0.5 * (NOISE_WINDOW - 1);
+        square += t * t / NOISE_WINDOW;
+    }
+    double(*basis)[NOISE_WINDOW] = meter->basis, norm2[3] = {0};
+    for (int i = 0; i < NOISE_WINDOW; i++) {
+        double t = i - 0.5 * (NOISE_WINDOW - 1);
+        basis[0][i] = 1.0, basis[1][i] = t, basis[2][i] = t * t - square;
+        for (int k = 0; k < 3; k++)
+            norm2[k] += basis[k][i] * basis[k][i];
+    }
+    for (int k = 0; k < 3; k++)
+        for (int i = 0; i < NOISE_WINDOW; i++)
+            basis[k][i] /= sqrt(norm2[k]);
+}
+
+/* Variance of the ranges in a full window about their parabola in 1 / range, m^2. */
+static double window_variance(const struct noise_meter *meter) {
+    double middle = meter->range_m[NOISE_WINDOW / 2], first = 1.0 / meter->range_m[0];
+    double square = 0.0, fitted[3] = {0};
+    for (int i = 0; i < NOISE_WINDOW; i++) {
+        double y = (1.0 / meter->range_m[i] - first) * middle * middle;
+        square += y * y;
+        for (int k = 0; k < 3; k++)
+            fitted[k] += y * meter->basis[k][i];
+    }
+    for (int k = 0; k < 3; k++)
+        square -= fitted[k] * fitted[k];
+    return fmax(square, 0.0) / (NOISE_WINDOW - 3);
+}
+
+/* A full window goes to its class, unless its echoes differ by more than an octave. */
+static void window_count(struct noise_meter *meter) {
+    double low = INFINITY, high = -INFINITY, sum = 0.0;
+    int with = 0;
+    for (int i = 0; i < NOISE_WINDOW; i++) {
+        if (isnan(meter->intensity[i]))
+            continue;
+        double at = octaves(meter->intensity[i]);
+        low = fmin(low, at), high = fmax(high, at), sum += at;
+        with++;
+    }
+    if ((with && with < NOISE_WINDOW) || high - low > 1.0)
+        return;
+    double sigma_m = sqrt(window_variance(meter));
+    double at = log(fmax(sigma_m, lowest_m) / lowest_m) / log(highest_m / lowest_m) * NOISE_BINS;
+    int bin = at < NOISE_BINS ? (int)at : NOISE_BINS - 1;
+    meter->histogram[with ? (int)(sum / with) : 0][bin]++;
 }
 
 void noise_meter_add(struct noise_meter *meter, double range_m, double intensity) {
-    double r0 = meter->r2_m, r1 = meter->r1_m; /* oldest, middle */
-    bool same = (isnan(intensity) && isnan(meter->i1)) ||
-                (noise_class(intensity) == noise_class(meter->i1) &&
-                 noise_class(meter->i2) == noise_class(meter->i1));
-    if (r0 > 0.0 && r1 > 0.0 && range_m > 0.0 && same) {
-        double bend = fabs(1.0 / r0 - 2.0 / r1 + 1.0 / range_m) * r1 * r1;
-        double at = log(fmax(bend, lowest_m) / lowest_m) / log(highest_m / lowest_m) * NOISE_BINS;
-        int bin = at < NOISE_BINS ? (int)at : NOISE_BINS - 1;
-        meter->histogram[noise_class(meter->i1)][bin]++;
+    if (!(range_m > 0.0 && isfinite(range_m))) {
+        meter->held = 0;
+        return;
     }
-    meter->r2_m = meter->r1_m;
-    meter->r1_m = range_m;
-    meter->i2 = meter->i1;
-    meter->i1 = intensity;
+    meter->range_m[meter->held] = range_m;
+    meter->intensity[meter->held++] = intensity;
+    if (meter->held == NOISE_WINDOW) {
+        window_count(meter);
+        meter->held = 0;
+    }
 }
 
-/* Median of |x| to sigma: the median of |N(0, 1)| is 0.6745, a second difference has sqrt(6). */
-static double sigma_of(const int64_t histogram[NOISE_BINS], int64_t count) {
-    int64_t below = 0;
+static double bin_sigma(int bin) {
+    return lowest_m * pow(highest_m / lowest_m, (bin + 0.5) / NOISE_BINS);
+}
+
+/* Where the windows crowd, in bins. The logarithm of a variance is most often that of the truth,
+ * whatever the number of degrees of freedom. */
+static int fullest(const int64_t histogram[NOISE_BINS]) {
+    enum { REACH = NOISE_BINS * 2 / 138 }; /* +- 0.2 in log sigma, of the 13.8 of all bins */
+    int64_t best = -1;
+    int at = 0;
     for (int bin = 0; bin < NOISE_BINS; bin++) {
-        if (2 * (below + histogram[bin]) >= count) {
-            double part = histogram[bin]
-                              ? (0.5 * (double)count - (double)below) / (double)histogram[bin]
-                              : 0.5;
-            double value = lowest_m * pow(highest_m / lowest_m, (bin + part) / NOISE_BINS);
-            return value / (0.6744898 * sqrt(6.0));
+        int64_t sum = 0;
+        for (int k = -REACH; k <= REACH; k++)
+            if (bin + k >= 0 && bin + k < NOISE_BINS)
+                sum += histogram[bin + k] * (REACH + 1 - (k < 0 ? -k : k));
+        if (sum > best) {
+            best = sum;
+            at = bin;
         }
-        below += histogram[bin];
     }
-    return highest_m;
+    return at;
+}
+
+/* Windows with a variance above this multiple of the truth are left out: edges, leaves, grass. */
+static const double keep_ratio = 1.7;
+
+/* Mean of what is kept of a chi-square variable over its degrees of freedom. */
+static double kept_mean(void) {
+    enum { STEPS = 2000 };
+    double half = 0.5 * (NOISE_WINDOW - 3), sum = 0.0, moment = 0.0;
+    for (int i = 0; i < STEPS; i++) {
+        double x = (i + 0.5) / STEPS * keep_ratio;
+        double density = exp((half - 1.0) * log(x) - half * (x - 1.0));
+        sum += density;
+        moment += x * density;
+    }
+    return moment / sum;
+}
+
+/* The sigma that the windows with less than keep_ratio times its square bear out, from where they
+ * crowd. */
+static double sigma_of(const int64_t histogram[NOISE_BINS]) {
+    enum { ROUNDS = 30 };
+    double expected = kept_mean(), sigma_m = bin_sigma(fullest(histogram));
+    for (int round = 0; round < ROUNDS; round++) {
+        double most = sigma_m * sqrt(keep_ratio), sum = 0.0, count = 0.0;
+        for (int bin = 0; bin < NOISE_BINS && bin_sigma(bin) < most; bin++) {
+            sum += (double)histogram[bin] * bin_sigma(bin) * bin_sigma(bin);
+            count += (double)histogram[bin];
+        }
+        if (count < 1.0)
+            break;
+        sigma_m = sqrt(sum / count / expected);
+    }
+    return sigma_m;
 }
 
 bool noise_meter_read(const struct noise_meter *meter, double floor_m,
                       struct noise_model *out_model) {
-    enum { ENOUGH = 1000 };
+    enum { ENOUGH = 64 };
     struct noise_model model = {.measured = true};
     int first = -1, last = -1;
     for (int k = 0; k < NOISE_CLASSES; k++) {
@@ -88,7 +171,7 @@ bool noise_meter_read(const struct noise_meter *meter, double floor_m,
             count += meter->histogram[k][bin];
         if (count < ENOUGH)
             continue;
-        model.sigma_m[k] = fmax(sigma_of(meter->histogram[k], count), floor_m);
+        model.sigma_m[k] = fmax(sigma_of(meter->histogram[k]), floor_m);
         for (int gap = last + 1; last >= 0 && gap < k; gap++) /* between two that are known */
             model.sigma_m[gap] = fmax(model.sigma_m[last], model.sigma_m[k]);
         if (first < 0)
