@@ -25,8 +25,8 @@ struct fuse_settings fuse_settings_make(enum fuse_quality quality) {
                               .splat_spacings = 1.2,
                               .reproject = true,
                               .cache_samples = 32u << 20,
-                              .sigma_angle_rad = 5e-5, /* a thirtieth of an encoder count */
-                              .sigma_system_m = 0.0005,
+                              .sigma_angle_rad = 5e-5,  /* a thirtieth of an encoder count */
+                              .sigma_system_m = 0.0007, /* the detector, with the echo's strength */
                               .layer = layer_params_default(),
                               .resolve = resolve_params_default(),
                               .skins = reproject_params_default(),

@@ -1,6 +1,7 @@
 #include "fusion/resolve.h"
 
 #include "base/pages.h"
+#include "fusion/resolve_work.h"
 #include "fusion/sky.h"
 
 #include <math.h>
@@ -8,27 +9,6 @@
 #include <string.h>
 
 static const double rad_per_deg = 0.017453292519943295;
-
-/* The candidate of a pixel: its heaviest cluster so far. */
-struct candidate {
-    float disparity_per_m; /* NaN: none */
-    float sigma_per_m;     /* of the mean, from the samples */
-    float u_px, v_px;      /* mean place of the samples, in the image */
-    float gu, gv;          /* gradient of the surface, 1/m per px; 0 where unknown */
-    float var_factor;      /* variance at the pixel's centre over that of the mean */
-};
-
-struct work {
-    struct layer_image *image;
-    const struct resolve_params *params;
-    struct cluster_rule rule;
-    struct candidate *candidates; /* [height][width] */
-    uint8_t *refused;             /* layers refused so far */
-    uint8_t *support;             /* directions from which a surface leads up to the pixel, 0..8 */
-    int32_t width, height;
-    int32_t stride; /* pixels this far apart do not share their samples */
-    int32_t strip;  /* how wide a strip of split beams can be, px */
-};
 
 struct resolve_params resolve_params_default(void) {
     struct resolve_params params = {.min_weight = 0.001,
@@ -47,20 +27,7 @@ struct resolve_params resolve_params_default(void) {
 
 /* ---- choosing a cluster ---- */
 
-static void candidate_set(const struct work *w, size_t i, const struct cluster_layer *layer) {
-    struct candidate *c = w->candidates + i;
-    c->disparity_per_m = NAN;
-    if (!layer)
-        return;
-    c->disparity_per_m = layer->disparity_per_m;
-    c->sigma_per_m = cluster_sigma(layer);
-    c->u_px = (float)(i % (size_t)w->width) + layer->du_px;
-    c->v_px = (float)(i / (size_t)w->width) + layer->dv_px;
-}
-
-/* The heaviest layer that is not refused; NULL if there is none, or what is there is too light or
- * outweighed by samples without return. */
-static const struct cluster_layer *heaviest(const struct work *w, size_t i) {
+const struct cluster_layer *resolve_heaviest(const struct resolve_work *w, size_t i) {
     const struct cluster_pixel *pixel = w->image->px + i;
     uint32_t at = w->refused[i];
     if (at >= pixel->layer_count)
@@ -69,6 +36,18 @@ static const struct cluster_layer *heaviest(const struct work *w, size_t i) {
     if (layer->weight < (float)w->params->min_weight || layer->weight < pixel->none_weight)
         return NULL;
     return layer;
+}
+
+void resolve_choose(struct resolve_work *w, size_t i) {
+    const struct cluster_layer *layer = resolve_heaviest(w, i);
+    struct candidate *c = w->candidates + i;
+    c->disparity_per_m = NAN;
+    if (!layer)
+        return;
+    c->disparity_per_m = layer->disparity_per_m;
+    c->sigma_per_m = cluster_sigma(layer);
+    c->u_px = (float)(i % (size_t)w->width) + layer->du_px;
+    c->v_px = (float)(i / (size_t)w->width) + layer->dv_px;
 }
 
 /* For comparison with the literature: all layers averaged. */
@@ -88,7 +67,7 @@ static void flatten(struct cluster_pixel *pixel) {
     pixel->layer_count = 1;
 }
 
-static void choose_first(struct work *w) {
+static void choose_first(struct resolve_work *w) {
     size_t pixels = (size_t)w->width * (size_t)w->height;
 #pragma omp parallel for schedule(static)
     for (size_t i = 0; i < pixels; i++) {
@@ -97,31 +76,19 @@ static void choose_first(struct work *w) {
         else
             cluster_merge(w->image->px + i, &w->rule, NAN, NAN);
         memset(w->candidates + i, 0, sizeof w->candidates[i]);
-        candidate_set(w, i, heaviest(w, i));
+        resolve_choose(w, i);
     }
 }
 
 /* ---- gradient ---- */
 
-static const struct candidate *neighbour(const struct work *w, int32_t x, int32_t y) {
-    if (x < 0 || y < 0 || x >= w->width || y >= w->height)
-        return NULL;
-    const struct candidate *c = w->candidates + (size_t)y * (size_t)w->width + (size_t)x;
-    return isnan(c->disparity_per_m) ? NULL : c;
-}
-
-static float noise_of(const struct work *w, const struct candidate *a, const struct candidate *b) {
-    return (float)w->params->agree_sigmas *
-           sqrtf(a->sigma_per_m * a->sigma_per_m + b->sigma_per_m * b->sigma_per_m);
-}
-
-/* True if five candidates in a row around (x, y) lie on one line: a surface however steep. Their
- * slope goes to out_slope. */
-static bool steep_line(const struct work *w, int32_t x, int32_t y, int32_t dx, int32_t dy,
-                       float *out_slope) {
+/* True if five candidates in a row, (x, y) the one at place `at` of 0..4, lie on one line: a
+ * surface however steep. Their slope goes to out_slope. */
+static bool steep_line(const struct resolve_work *w, int32_t x, int32_t y, int32_t dx, int32_t dy,
+                       int32_t at, float *out_slope) {
     const struct candidate *c[5];
     for (int k = 0; k < 5; k++) {
-        c[k] = neighbour(w, x + (k - 2) * dx * w->stride, y + (k - 2) * dy * w->stride);
+        c[k] = neighbour(w, x + (k - at) * dx * w->stride, y + (k - at) * dy * w->stride);
         if (!c[k])
             return false;
     }
@@ -147,6 +114,18 @@ static bool steep_line(const struct work *w, int32_t x, int32_t y, int32_t dx, i
     }
     *out_slope = slope;
     return true;
+}
+
+/* The same at the border of a surface, for slopes that the fit below leaves out. */
+static bool steep_border(const struct resolve_work *w, int32_t x, int32_t y, int32_t dx, int32_t dy,
+                         float *out_slope) {
+    float most = w->rule.slope_per_px * neighbour(w, x, y)->disparity_per_m, slope;
+    for (int32_t at = 0; at <= 4; at += 4)
+        if (steep_line(w, x, y, dx, dy, at, &slope) && fabsf(slope) > most) {
+            *out_slope = slope;
+            return true;
+        }
+    return false;
 }
 
 struct plane_sums {
@@ -179,7 +158,7 @@ static bool gradient_fit(const struct plane_sums *s, int32_t x, int32_t y,
     return true;
 }
 
-static void gradient_at(const struct work *w, int32_t x, int32_t y, struct candidate *out) {
+static void gradient_at(const struct resolve_work *w, int32_t x, int32_t y, struct candidate *out) {
     const struct candidate *me = neighbour(w, x, y);
     out->gu = out->gv = 0.0f;
     out->var_factor = 1.0f;
@@ -206,15 +185,11 @@ static void gradient_at(const struct work *w, int32_t x, int32_t y, struct candi
     bool found = gradient_fit(&s, x, y, me, out);
     if (found && s.n >= 8.0f)
         return;
-    float steep_u, steep_v;
-    if (steep_line(w, x, y, 1, 0, &steep_u))
-        out->gu = steep_u;
-    if (steep_line(w, x, y, 0, 1, &steep_v))
-        out->gv = steep_v;
+    (void)(steep_line(w, x, y, 1, 0, 2, &out->gu) || steep_border(w, x, y, 1, 0, &out->gu));
+    (void)(steep_line(w, x, y, 0, 1, 2, &out->gv) || steep_border(w, x, y, 0, 1, &out->gv));
 }
 
-/* Where `only` is not 0; NULL: everywhere. */
-static void gradients(struct work *w, const uint8_t *only) {
+void resolve_gradients(struct resolve_work *w, const uint8_t *only) {
 #pragma omp parallel for schedule(dynamic, 8)
     for (int32_t y = 0; y < w->height; y++)
         for (int32_t x = 0; x < w->width; x++) {
@@ -224,18 +199,17 @@ static void gradients(struct work *w, const uint8_t *only) {
         }
 }
 
-/* Marks what a change at (x, y) can influence. */
-static void dirty_around(const struct work *w, uint8_t *dirty, int32_t x, int32_t y) {
+void resolve_mark_around(const struct resolve_work *w, uint8_t *marks, int32_t x, int32_t y) {
     int32_t reach = 2 * w->strip + 1;
     for (int32_t j = y - reach; j <= y + reach; j++)
         for (int32_t i = x - reach; i <= x + reach; i++)
             if (i >= 0 && j >= 0 && i < w->width && j < w->height)
-                dirty[(size_t)j * (size_t)w->width + (size_t)i] = 1;
+                marks[(size_t)j * (size_t)w->width + (size_t)i] = 1;
 }
 
 /* On surfaces steeper than the clustering made room for, one surface has several layers: now that
  * its gradient is known, join them. */
-static int64_t merge_steep(struct work *w, uint8_t *touched) {
+static int64_t merge_steep(struct resolve_work *w, uint8_t *touched) {
     int64_t merged = 0;
 #pragma omp parallel for schedule(dynamic, 8) reduction(+ : merged)
     for (int32_t y = 0; y < w->height; y++)
@@ -257,194 +231,15 @@ static int64_t merge_steep(struct work *w, uint8_t *touched) {
             if (!w->refused[i])
                 continue;
             w->refused[i] = 0;
-            candidate_set(w, i, heaviest(w, i));
-            dirty_around(w, touched, x, y);
+            resolve_choose(w, i);
+            resolve_mark_around(w, touched, x, y);
         }
     return merged;
 }
 
-/* ---- mixed pixels ---- */
-
-/* Quick test on the 3 x 3 neighbourhood: do the four lines through the pixel bend? */
-static bool smooth_here(const struct work *w, int32_t x, int32_t y) {
-    static const int32_t lines[4][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
-    const struct candidate *me = neighbour(w, x, y);
-    float slope = 0.1f * w->rule.slope_per_px * me->disparity_per_m;
-    for (int k = 0; k < 4; k++) {
-        const struct candidate *a = neighbour(w, x - lines[k][0], y - lines[k][1]);
-        const struct candidate *b = neighbour(w, x + lines[k][0], y + lines[k][1]);
-        if (!a || !b)
-            return false;
-        float off = a->disparity_per_m + b->disparity_per_m - 2.0f * me->disparity_per_m;
-        float var = a->sigma_per_m * a->sigma_per_m + b->sigma_per_m * b->sigma_per_m +
-                    4.0f * me->sigma_per_m * me->sigma_per_m;
-        if (fabsf(off) > (float)w->params->agree_sigmas * sqrtf(var) + slope)
-            return false;
-    }
-    return true;
-}
-
-/* Where neighbour c lies along a direction, and how much its disparity differs from the
- * candidate's, less what the surface's gradient explains across that direction. */
-static float along(const struct candidate *me, const struct candidate *c,
-                   const int32_t direction[2], float *out_step) {
-    float u = c->u_px - me->u_px, v = c->v_px - me->v_px;
-    float dx = (float)direction[0], dy = (float)direction[1], t = u * dx + v * dy;
-    float part = t / (dx * dx + dy * dy);
-    *out_step = c->disparity_per_m - me->disparity_per_m - me->gu * (u - part * dx) -
-                me->gv * (v - part * dy);
-    return t;
-}
-
-/* In how many of eight directions a surface leads up to the candidate: what lies one and two strip
- * widths away foretells it, on a straight line in disparity. */
-static int directions_supported(const struct work *w, int32_t x, int32_t y) {
-    static const int32_t directions[8][2] = {{1, 0},  {1, 1},   {0, 1},  {-1, 1},
-                                             {-1, 0}, {-1, -1}, {0, -1}, {1, -1}};
-    const struct candidate *me = neighbour(w, x, y);
-    float bend = 0.03f * w->rule.slope_per_px * me->disparity_per_m * (float)w->strip;
-    int supported = 0;
-    for (int k = 0; k < 8; k++) {
-        int32_t dx = directions[k][0] * w->strip, dy = directions[k][1] * w->strip;
-        const struct candidate *a = neighbour(w, x + dx, y + dy);
-        const struct candidate *b = neighbour(w, x + 2 * dx, y + 2 * dy);
-        if (!a || !b)
-            continue;
-        float da, ta = along(me, a, directions[k], &da);
-        float db, tb = along(me, b, directions[k], &db);
-        if (!(tb - ta > 0.25f * (float)w->strip))
-            continue;
-        float wa = tb / (tb - ta), wb = -ta / (tb - ta);
-        float off = -wa * da - wb * db;
-        float var = me->sigma_per_m * me->sigma_per_m + wa * wa * a->sigma_per_m * a->sigma_per_m +
-                    wb * wb * b->sigma_per_m * b->sigma_per_m;
-        float slack =
-            bend + 0.3f * fabsf((db - da) / (tb - ta)); /* rough ground at a grazing angle */
-        supported += fabsf(off) <= (float)w->params->agree_sigmas * sqrtf(var) + slack;
-    }
-    return supported;
-}
-
-/* What surface lies on one side of the candidate, up to a strip's width away: bit 0 one clearly
- * nearer, bit 1 one clearly farther. What is no surface itself (leaves, grass) says nothing about
- * edges. */
-static unsigned side_of(const struct work *w, int32_t x, int32_t y, int32_t dx, int32_t dy) {
-    const struct candidate *me = neighbour(w, x, y);
-    unsigned found = 0;
-    for (int32_t k = 1; k <= w->strip + 1; k++) {
-        int32_t u = x + k * dx, v = y + k * dy;
-        const struct candidate *c = neighbour(w, u, v);
-        if (!c || w->support[(size_t)v * (size_t)w->width + (size_t)u] < 2)
-            continue;
-        float step = c->disparity_per_m - me->disparity_per_m, room = noise_of(w, me, c);
-        found |= step > room ? 1u : step < -room ? 2u : 0u;
-    }
-    return found;
-}
-
-/* Whether the candidate lies across an edge: nearer on one side, farther on the other. */
-static bool between(const struct work *w, int32_t x, int32_t y) {
-    static const int32_t lines[4][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
-    for (int k = 0; k < 4; k++) {
-        unsigned a = side_of(w, x, y, lines[k][0], lines[k][1]);
-        unsigned b = side_of(w, x, y, -lines[k][0], -lines[k][1]);
-        if ((a & 1u && b & 2u) || (a & 2u && b & 1u))
-            return true;
-    }
-    return false;
-}
-
-/* A range from nowhere: one sample that no neighbour agrees with, in the midst of a surface. */
-static bool is_outlier(const struct work *w, int32_t x, int32_t y) {
-    const struct candidate *me = neighbour(w, x, y);
-    const struct cluster_layer *layer = heaviest(w, (size_t)y * (size_t)w->width + (size_t)x);
-    if (!layer || (layer->count & CLUSTER_COUNT_MAX) > 1)
-        return false;
-    float slope = w->rule.slope_per_px * me->disparity_per_m;
-    int on_surfaces = 0;
-    for (int32_t dy = -1; dy <= 1; dy++)
-        for (int32_t dx = -1; dx <= 1; dx++) {
-            const struct candidate *c = dx || dy ? neighbour(w, x + dx, y + dy) : NULL;
-            if (!c)
-                continue;
-            float u = c->u_px - me->u_px, v = c->v_px - me->v_px;
-            float off = fabsf(c->disparity_per_m - me->disparity_per_m);
-            float away = fabsf(u) + fabsf(v);
-            /* Neighbours that see the same sample do not count as agreeing. */
-            if (away > 0.25f && off <= noise_of(w, me, c) + slope * away)
-                return false;
-            size_t i = (size_t)(y + dy) * (size_t)w->width + (size_t)(x + dx);
-            on_surfaces += away > 0.25f && w->support[i] >= 3;
-        }
-    return on_surfaces >= 4;
-}
-
-/* A split beam's cluster lies between a nearer and a farther surface, and a surface leads up to it
- * at most from two sides: along the edge. A straight border of a surface has three sides or more, a
- * corner three. */
-static bool floats(const struct work *w, int32_t x, int32_t y) {
-    return w->support[(size_t)y * (size_t)w->width + (size_t)x] <= 2 &&
-           (between(w, x, y) || is_outlier(w, x, y));
-}
-
-/* One round over the dirty pixels: each judges by the candidates as they were, so order and threads
- * do not matter. Returns how many were refused and leaves in `dirty` what has to be judged again.
- */
-static int64_t refuse_round(struct work *w, uint8_t *dirty, uint8_t *verdict) {
-    size_t pixels = (size_t)w->width * (size_t)w->height;
-#pragma omp parallel for schedule(dynamic, 8)
-    for (int32_t y = 0; y < w->height; y++)
-        for (int32_t x = 0; x < w->width; x++) {
-            size_t i = (size_t)y * (size_t)w->width + (size_t)x;
-            if (!dirty[i])
-                continue;
-            int supported = !neighbour(w, x, y)    ? 0
-                            : smooth_here(w, x, y) ? 8
-                                                   : directions_supported(w, x, y);
-            w->support[i] = (uint8_t)supported;
-        }
-#pragma omp parallel for schedule(dynamic, 8)
-    for (int32_t y = 0; y < w->height; y++)
-        for (int32_t x = 0; x < w->width; x++) {
-            size_t i = (size_t)y * (size_t)w->width + (size_t)x;
-            verdict[i] = dirty[i] && neighbour(w, x, y) && floats(w, x, y);
-        }
-    int64_t refused = 0;
-    memset(dirty, 0, pixels);
-    for (size_t i = 0; i < pixels; i++) {
-        if (!verdict[i])
-            continue;
-        w->refused[i]++;
-        candidate_set(w, i, heaviest(w, i));
-        dirty_around(w, dirty, (int32_t)(i % (size_t)w->width), (int32_t)(i / (size_t)w->width));
-        refused++;
-    }
-    return refused;
-}
-
-static enum st refuse_mixed(struct work *w, int64_t *out_refused) {
-    enum { ROUNDS = 2 * CLUSTER_LAYERS };
-    size_t pixels = (size_t)w->width * (size_t)w->height;
-    uint8_t *dirty = malloc(pixels), *verdict = malloc(pixels);
-    enum st st = dirty && verdict ? ST_OK : ST_NOMEM;
-    if (!st) {
-        memset(dirty, 1, pixels);
-        for (int round = 0; round < ROUNDS; round++) {
-            int64_t refused = refuse_round(w, dirty, verdict);
-            *out_refused += refused;
-            if (!refused)
-                break;
-            gradients(w, dirty);
-        }
-    }
-    free(dirty);
-    free(verdict);
-    return st;
-}
-
 /* ---- results ---- */
 
-static double sigma_at(const struct work *w, const struct candidate *c,
+static double sigma_at(const struct resolve_work *w, const struct candidate *c,
                        const struct cluster_layer *layer, double range_m) {
     const struct camera *camera = &w->image->camera;
     double samples = (double)(c->sigma_per_m * c->sigma_per_m * c->var_factor);
@@ -456,7 +251,7 @@ static double sigma_at(const struct work *w, const struct candidate *c,
     return sqrt(samples + angle + system * system);
 }
 
-static uint8_t flags_at(const struct work *w, size_t i, const struct cluster_layer *layer,
+static uint8_t flags_at(const struct resolve_work *w, size_t i, const struct cluster_layer *layer,
                         double sigma_per_m, double range_m) {
     const struct cluster_pixel *pixel = w->image->px + i;
     const struct resolve_params *p = w->params;
@@ -476,7 +271,7 @@ static uint8_t flags_at(const struct work *w, size_t i, const struct cluster_lay
     return flags;
 }
 
-static uint8_t nothing_at(const struct work *w, size_t i) {
+static uint8_t nothing_at(const struct resolve_work *w, size_t i) {
     const struct cluster_pixel *pixel = w->image->px + i;
     float heaviest_weight = pixel->layer_count ? pixel->layers[0].weight : 0.0f;
     if (w->refused[i])
@@ -489,23 +284,29 @@ static uint8_t nothing_at(const struct work *w, size_t i) {
     return 0;
 }
 
-static void write_pixel(const struct work *w, size_t i, int colour, struct photo *photo) {
+static void write_pixel(const struct resolve_work *w, size_t i, int colour, struct photo *photo) {
+    int32_t x = (int32_t)(i % (size_t)w->width), y = (int32_t)(i / (size_t)w->width);
     const struct candidate *c = w->candidates + i;
-    const struct cluster_layer *layer = heaviest(w, i);
+    const struct cluster_layer *layer = resolve_heaviest(w, i);
     if (!layer) {
         photo->disparity_per_m[i] = NAN;
         photo->confidence[i] = 0;
         photo->flags[i] = nothing_at(w, i);
         return;
     }
-    float delta = layer->disparity_per_m - c->gu * layer->du_px - c->gv * layer->dv_px;
-    if (!(delta > 0.0f && isfinite(delta))) /* steeper than the samples bear out */
+    float shift = -c->gu * layer->du_px - c->gv * layer->dv_px;
+    float delta = layer->disparity_per_m + shift, unmoved = 0.0f;
+    /* Steeper than the samples bear out, or at an edge: the samples' own, no better known than by
+     * the way to the centre. */
+    if (!(delta > 0.0f && isfinite(delta)) ||
+        (!w->params->plain_mean && mixed_overhangs(w, x, y))) {
         delta = layer->disparity_per_m;
+        unmoved = shift;
+    }
     const struct camera *camera = &w->image->camera;
-    struct vec3 ray =
-        camera_pinhole_ray(camera, (double)(i % (size_t)w->width), (double)(i / (size_t)w->width));
+    struct vec3 ray = camera_pinhole_ray(camera, (double)x, (double)y);
     double range_m = vec3_norm(ray) / (double)delta;
-    double sigma = sigma_at(w, c, layer, range_m);
+    double sigma = hypot(sigma_at(w, c, layer, range_m), (double)unmoved);
     photo->disparity_per_m[i] = delta;
     photo->confidence[i] = photo_confidence_from_sigma(sigma);
     photo->flags[i] = flags_at(w, i, layer, sigma, range_m);
@@ -535,18 +336,19 @@ static void count_flags(const struct photo *photo, struct resolve_counts *counts
     }
 }
 
-static struct work work_make(struct layer_image *image, const struct resolve_params *params) {
+static struct resolve_work work_make(struct layer_image *image,
+                                     const struct resolve_params *params) {
     double f = fmin(image->camera.fx_px, image->camera.fy_px);
-    struct work w = {.image = image,
-                     .params = params,
-                     .rule = {.sigmas = (float)image->params.cluster_sigmas,
-                              .slope_per_px = (float)(tan(image->params.grazing_rad) / f)},
-                     .width = image->camera.width_px,
-                     .height = image->camera.height_px};
+    struct resolve_work w = {.image = image,
+                             .params = params,
+                             .rule = {.sigmas = (float)image->params.cluster_sigmas,
+                                      .slope_per_px = (float)(tan(image->params.grazing_rad) / f)},
+                             .width = image->camera.width_px,
+                             .height = image->camera.height_px};
     /* The bilinear weight adds half of the splat. */
     double strip_px = params->beam_rad * f + 0.5 * (image->params.splat_px + 1.0);
     w.stride = (int32_t)ceil(image->params.splat_px);
-    w.strip = strip_px < 8.0 ? (int32_t)ceil(strip_px - 0.5) : 8;
+    w.strip = strip_px < 8.0 ? (int32_t)lround(strip_px - 0.25) : 8;
     return w;
 }
 
@@ -556,7 +358,7 @@ enum st resolve_photo(struct layer_image *image, const struct resolve_params *pa
     if (image->camera.width_px != out_photo->camera.width_px ||
         image->camera.height_px != out_photo->camera.height_px)
         return errctx_set(err, ST_INVALID, "the photograph has another size than its layers");
-    struct work w = work_make(image, params);
+    struct resolve_work w = work_make(image, params);
     size_t pixels = (size_t)w.width * (size_t)w.height;
     struct resolve_counts counts = {0};
     uint8_t *touched = NULL;
@@ -570,12 +372,12 @@ enum st resolve_photo(struct layer_image *image, const struct resolve_params *pa
         goto out;
     }
     choose_first(&w);
-    gradients(&w, NULL);
+    resolve_gradients(&w, NULL);
     if (!params->plain_mean) {
         if (merge_steep(&w, touched))
-            gradients(&w, touched);
+            resolve_gradients(&w, touched);
         if (params->refuse_mixed)
-            st = refuse_mixed(&w, &counts.refused);
+            st = mixed_refuse(&w, &counts.refused);
         if (st) {
             (void)errctx_set(err, st, "no memory to resolve %zu pixels", pixels);
             goto out;

@@ -10,9 +10,11 @@
  * jitter)^2 / n
  *           + (systematic sigma)^2
  *
- * A cluster between a nearer and a farther surface that forms no surface of its own wider than a
- * beam is what a beam split by an edge returns ("mixed pixel"); it is refused, and the next
- * heaviest cluster takes the pixel, or nothing does. */
+ * A cluster that its neighbourhood does not bear out beside or between other surfaces is what a beam
+ * split by an edge returns ("mixed pixel", see mixed.c); it is refused, and the next heaviest
+ * cluster takes the pixel, or nothing does. What is known only from beyond the pixel, with nothing
+ * on its other side, keeps the samples' own disparity: a gradient is not carried past an edge.
+ */
 #ifndef SC_FUSION_RESOLVE_H
 #define SC_FUSION_RESOLVE_H
 
