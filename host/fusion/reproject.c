@@ -301,8 +301,12 @@ static int64_t judge(struct suspect *s, const struct witness *b,
         int32_t u = t->u0_px + (int32_t)raster_item_u(sheet->item[i]);
         int32_t v = t->v0_px + (int32_t)raster_item_v(sheet->item[i]);
         size_t at = (size_t)v * (size_t)photo->camera.width_px + (size_t)u;
-        double sa =
-            photo->confidence[at] ? photo_sigma_from_confidence(photo->confidence[at]) : 0.0;
+        /* A's own sigma is of its disparity: the same length is more disparity where B is closer.
+         */
+        double da = (double)photo->disparity_per_m[at], closer = da > 0.0 ? depth / da : 1.0;
+        double sa = photo->confidence[at]
+                        ? photo_sigma_from_confidence(photo->confidence[at]) * closer * closer
+                        : 0.0;
         double sb = (double)b->sigma_per_m[i], sp = sigma_m * depth * depth;
         double noise2 = sa * sa + sb * sb;
         if (!(depth > said + params->sigmas * sqrt(noise2)))
