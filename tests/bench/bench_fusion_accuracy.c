@@ -199,8 +199,11 @@ static bool near_odd(const struct truth *t, const struct camera *c, int x, int y
  * the pixel. Counted apart, it would be all that the rms tells. */
 static const double gross_m = 0.1;
 
+/* Pixels that show something but float; and of those where something is to be seen, within range,
+ * how many show it: within 5 cm or 1 % of the truth. */
 struct floating {
     int64_t solid, solid_floats, odd, odd_floats;
+    int64_t solid_true, solid_shown, odd_true, odd_shown;
 };
 
 struct score {
@@ -209,6 +212,23 @@ struct score {
     int64_t inside, covered, valid, gross;
     struct floating clustered, averaged;
 };
+
+static void count_shown(const struct stand *s, const struct photo *photo, const struct truth *truth,
+                        struct floating *out) {
+    const struct camera *c = &photo->camera;
+    for (int y = 0; y < c->height_px; y++)
+        for (int x = 0; x < c->width_px; x++) {
+            size_t i = (size_t)y * (size_t)c->width_px + (size_t)x;
+            double t = (double)truth[i].range_m;
+            if (!(t < s->optics.max_range_m))
+                continue;
+            double range =
+                vec3_norm(camera_pinhole_ray(c, x, y)) / (double)photo->disparity_per_m[i];
+            bool shown = fabs(range - t) < fmax(0.05, 0.01 * t);
+            *(truth[i].odd ? &out->odd_true : &out->solid_true) += 1;
+            *(truth[i].odd ? &out->odd_shown : &out->solid_shown) += shown;
+        }
+}
 
 static struct floating count_floating(const struct stand *s, const struct photo *photo,
                                       const struct truth *truth) {
@@ -232,7 +252,9 @@ static struct floating count_floating(const struct stand *s, const struct photo 
                 mat3_mulv(&photo->station_from_cam.r, vec3_scale(ray, 1.0 / d)), s->from_m);
             counts[2 * odd + 1] += is_far_from_all(s, p, reach);
         }
-    struct floating f = {counts[0], counts[1], counts[2], counts[3]};
+    struct floating f = {
+        .solid = counts[0], .solid_floats = counts[1], .odd = counts[2], .odd_floats = counts[3]};
+    count_shown(s, photo, truth, &f);
     return f;
 }
 
@@ -302,6 +324,9 @@ static struct score judge(const struct stand *s, const struct fuse_settings *set
 static double in_10000(int64_t floats, int64_t of) {
     return of ? 1e4 * (double)floats / (double)of : 0.0;
 }
+static double share_of(int64_t part, int64_t of) {
+    return of ? (double)part / (double)of : 0.0;
+}
 
 static void report(const char *scene, const char *condition, const char *quality,
                    const struct score *s) {
@@ -313,10 +338,17 @@ static void report(const char *scene, const char *condition, const char *quality
     double averaged = in_10000(s->averaged.solid_floats, s->averaged.solid);
     double odd = in_10000(s->clustered.odd_floats, s->clustered.odd);
     double gross = in_10000(s->gross, s->inside + s->gross);
-    (void)fprintf(
-        stderr, "  %-9s %-8s %-8s %5.2f %7.2f  %7.2f   %6.2f   %5.1f %%   %6.2f   %7.1f   %7.1f\n",
-        scene, condition, quality, (double)s->valid * 1e-6, s->cpu_s, rms_mm, ratio, 100 * share,
-        floats, averaged, odd);
+    const struct floating *c = &s->clustered, *a = &s->averaged;
+    double shown = share_of(c->solid_shown, c->solid_true);
+    double shown_plain = share_of(a->solid_shown, a->solid_true);
+    double leaves = share_of(c->odd_shown, c->odd_true);
+    double leaves_plain = share_of(a->odd_shown, a->odd_true);
+    (void)fprintf(stderr,
+                  "  %-9s %-8s %-8s %5.2f %7.2f  %7.2f   %6.2f   %5.1f %%   %6.2f   %7.1f   %7.1f  "
+                  "%5.1f %5.1f  %5.1f %5.1f\n",
+                  scene, condition, quality, (double)s->valid * 1e-6, s->cpu_s, rms_mm, ratio,
+                  100 * share, floats, averaged, odd, 100 * shown, 100 * shown_plain, 100 * leaves,
+                  100 * leaves_plain);
     const struct {
         const char *what;
         double value;
@@ -329,8 +361,12 @@ static void report(const char *scene, const char *condition, const char *quality
                    {"floating_in_10000", floats, "px"},
                    {"floating_in_10000_averaging", averaged, "px"},
                    {"gross_in_10000", gross, "px"},
-                   {"floating_in_10000_glass_leaves", odd, "px"}};
-    size_t count = sizeof figures / sizeof figures[0] - (s->clustered.solid ? 0 : 4);
+                   {"floating_in_10000_glass_leaves", odd, "px"},
+                   {"solid_shown", shown, "1"},
+                   {"solid_shown_averaging", shown_plain, "1"},
+                   {"glass_leaves_shown", leaves, "1"},
+                   {"glass_leaves_shown_averaging", leaves_plain, "1"}};
+    size_t count = sizeof figures / sizeof figures[0] - (s->clustered.solid ? 0 : 8);
     for (size_t k = 0; k < count; k++) {
         (void)snprintf(name, sizeof name, "%s_%s_%s_%s", scene, condition, quality,
                        figures[k].what);
@@ -399,13 +435,16 @@ int bench_accuracy(bool quick) {
         "(68.3 %% if honest), inside surfaces; pixels that float, farther than 5 sigma of a "
         "sample\n"
         "from any surface, in 10 000: clustered, plainly averaged, and clustered where glass,\n"
-        "mirrors, leaves or grass are within 6 pixels; gross: more than 0.1 m off inside surfaces, "
-        "in\n"
-        "10 000 (not in the rms: wires thinner than a pixel). true: the true rig; biased: and the\n"
+        "mirrors, leaves or grass are within 6 pixels; shown: the share in %% of what is within "
+        "range\n"
+        "that is there, to 5 cm or 1 %%, clustered and averaged, then the same for glass, "
+        "mirrors,\n"
+        "leaves and grass. Inside pixels more than 0.1 m off are not in the rms. true: the true "
+        "rig; biased: and the\n"
         "detector errs with the echo's strength, as the twin's does; nominal: the design's rig.\n"
         "  scene     rig      quality    Mpx   cpu s   rms mm  /(s/rt n)  covers   floats  "
         "averaged   "
-        "glass..  gross\n");
+        "glass..   shown aver.  glass..\n");
     for (size_t k = 0; k < (quick ? 1 : 3); k++)
         for (size_t c = 0; c < sizeof conditions / sizeof conditions[0]; c++)
             one_scene(scenes[k], &conditions[c], quick);
