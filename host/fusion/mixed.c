@@ -140,7 +140,7 @@ static bool is_minority(const struct resolve_work *w, size_t i) {
 }
 
 /* Samples on one side only, farther than `off_px` from the centre on average, none in the pixel,
- * and beyond it no surface. */
+ * and beyond it another surface or none. */
 bool mixed_overhangs(const struct resolve_work *w, int32_t x, int32_t y) {
     const struct candidate *me = neighbour(w, x, y);
     const struct cluster_layer *layer =
@@ -157,8 +157,14 @@ bool mixed_overhangs(const struct resolve_work *w, int32_t x, int32_t y) {
         if (u < 0 || v < 0 || u >= w->width || v >= w->height)
             continue;
         const struct candidate *c = neighbour(w, u, v);
-        if (!c)
-            return true;
+        if (!c) {
+            /* Seen, and no surface: the sky, or what was refused. Not seen: a gap, no edge. */
+            const struct cluster_pixel *beyond =
+                w->image->px + ((size_t)v * (size_t)w->width + (size_t)u);
+            if (beyond->layer_count || beyond->none_weight > 0.0f)
+                return true;
+            continue;
+        }
         float away = fabsf(c->u_px - me->u_px) + fabsf(c->v_px - me->v_px);
         if (fabsf(c->disparity_per_m - me->disparity_per_m) > noise_of(w, me, c) + slope * away)
             return true;
@@ -193,34 +199,35 @@ static bool floats(const struct resolve_work *w, int32_t x, int32_t y) {
  * do not matter. Returns how many were refused and leaves in `dirty` what has to be judged again.
  */
 static int64_t refuse_round(struct resolve_work *w, uint8_t *dirty, uint8_t *verdict) {
-    size_t pixels = (size_t)w->width * (size_t)w->height;
+    size_t width = (size_t)w->width;
 #pragma omp parallel for schedule(dynamic, 8)
-    for (int32_t y = 0; y < w->height; y++)
-        for (int32_t x = 0; x < w->width; x++) {
-            size_t i = (size_t)y * (size_t)w->width + (size_t)x;
-            if (!dirty[i])
-                continue;
+    for (int32_t y = 0; y < w->height; y++) {
+        size_t row = (size_t)y * width;
+        for (int32_t x = -1; (x = resolve_next_mark(dirty + row, x + 1, w->width)) < w->width;) {
             int supported = !neighbour(w, x, y)    ? 0
                             : smooth_here(w, x, y) ? 8
                                                    : directions_supported(w, x, y);
-            w->support[i] = (uint8_t)supported;
+            w->support[row + (size_t)x] = (uint8_t)supported;
         }
+    }
 #pragma omp parallel for schedule(dynamic, 8)
-    for (int32_t y = 0; y < w->height; y++)
-        for (int32_t x = 0; x < w->width; x++) {
-            size_t i = (size_t)y * (size_t)w->width + (size_t)x;
-            verdict[i] = dirty[i] && neighbour(w, x, y) && floats(w, x, y);
-        }
+    for (int32_t y = 0; y < w->height; y++) {
+        size_t row = (size_t)y * width;
+        for (int32_t x = -1; (x = resolve_next_mark(dirty + row, x + 1, w->width)) < w->width;)
+            verdict[row + (size_t)x] = neighbour(w, x, y) && floats(w, x, y);
+    }
     int64_t refused = 0;
-    memset(dirty, 0, pixels);
-    for (size_t i = 0; i < pixels; i++) {
-        if (!verdict[i])
-            continue;
-        w->refused[i]++;
-        resolve_choose(w, i);
-        resolve_mark_around(w, dirty, (int32_t)(i % (size_t)w->width),
-                            (int32_t)(i / (size_t)w->width));
-        refused++;
+    memset(dirty, 0, width * (size_t)w->height);
+    for (int32_t y = 0; y < w->height; y++) {
+        uint8_t *row = verdict + (size_t)y * width;
+        for (int32_t x = -1; (x = resolve_next_mark(row, x + 1, w->width)) < w->width;) {
+            size_t i = (size_t)y * width + (size_t)x;
+            row[x] = 0;
+            w->refused[i]++;
+            resolve_choose(w, i);
+            resolve_mark_around(w, dirty, x, y);
+            refused++;
+        }
     }
     return refused;
 }
@@ -228,7 +235,7 @@ static int64_t refuse_round(struct resolve_work *w, uint8_t *dirty, uint8_t *ver
 enum st mixed_refuse(struct resolve_work *w, int64_t *out_refused) {
     enum { ROUNDS = 64 }; /* each undoes what the one before bore out; some 20 are used */
     size_t pixels = (size_t)w->width * (size_t)w->height;
-    uint8_t *dirty = malloc(pixels), *verdict = malloc(pixels);
+    uint8_t *dirty = malloc(pixels), *verdict = calloc(pixels, 1);
     enum st st = dirty && verdict ? ST_OK : ST_NOMEM;
     if (!st) {
         memset(dirty, 1, pixels);

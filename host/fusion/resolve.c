@@ -189,14 +189,21 @@ static void gradient_at(const struct resolve_work *w, int32_t x, int32_t y, stru
     (void)(steep_line(w, x, y, 0, 1, 2, &out->gv) || steep_border(w, x, y, 0, 1, &out->gv));
 }
 
+int32_t resolve_next_mark(const uint8_t *row, int32_t from, int32_t width) {
+    const uint8_t *at = from < width ? memchr(row + from, 1, (size_t)(width - from)) : NULL;
+    return at ? (int32_t)(at - row) : width;
+}
+
 void resolve_gradients(struct resolve_work *w, const uint8_t *only) {
 #pragma omp parallel for schedule(dynamic, 8)
-    for (int32_t y = 0; y < w->height; y++)
+    for (int32_t y = 0; y < w->height; y++) {
+        size_t row = (size_t)y * (size_t)w->width;
         for (int32_t x = 0; x < w->width; x++) {
-            size_t i = (size_t)y * (size_t)w->width + (size_t)x;
-            if (!only || only[i])
-                gradient_at(w, x, y, w->candidates + i);
+            if (only && (x = resolve_next_mark(only + row, x, w->width)) >= w->width)
+                break;
+            gradient_at(w, x, y, w->candidates + row + (size_t)x);
         }
+    }
 }
 
 void resolve_mark_around(const struct resolve_work *w, uint8_t *marks, int32_t x, int32_t y) {

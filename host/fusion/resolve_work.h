@@ -50,10 +50,13 @@ const struct cluster_layer *resolve_heaviest(const struct resolve_work *w, size_
 /* Makes the heaviest layer that is not refused the pixel's candidate, without a gradient. */
 void resolve_choose(struct resolve_work *w, size_t i);
 
-/* Gradients anew where `only` is not 0; NULL: everywhere. Threads: OpenMP inside. */
+/* Gradients anew where `only` is 1; NULL: everywhere. Threads: OpenMP inside. */
 void resolve_gradients(struct resolve_work *w, const uint8_t *only);
 
-/* Marks what a change at (x, y) can influence. */
+/* The first pixel of a row from `from` on whose mark is 1; width: none. */
+int32_t resolve_next_mark(const uint8_t *row, int32_t from, int32_t width);
+
+/* Sets the marks of what a change at (x, y) can influence. */
 void resolve_mark_around(const struct resolve_work *w, uint8_t *marks, int32_t x, int32_t y);
 
 /* Refuses the clusters that float, until none is left that does. Adds to *out_refused.
