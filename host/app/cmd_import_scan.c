@@ -28,12 +28,18 @@ static const char about[] =
     "taken to come from far along +z of the file.\n"
     "Logs of a nodding line laser: first line three numbers and the bearings in degrees; others "
     "number, time, angle in degrees, a range in metres for each bearing (0: no return).\n\n"
-    "Ranges are believed to --range-sigma-m (1 cm for .3d and logs; a twentieth of the samples' "
-    "spacing for "
-    "PLY).\n\n"
+    "Points of a spinning laser as KITTI stores them (.bin, or a folder with velodyne.bin): x y z "
+    "reflectance. "
+    "Rings are found from the points alone. With image.png and calib.txt (P2, R0_rect, "
+    "Tr_velo_to_cam) beside them "
+    "the station also gets a camera frame, and 'scancart fuse' makes a 3D photograph of it.\n\n"
+    "Ranges are believed to --range-sigma-m (1 cm for .3d and logs, 2 cm for .bin; a twentieth of "
+    "the samples' "
+    "spacing for PLY).\n\n"
     "Examples:\n"
     "  scancart import scan mysite scan000.3d scan001.3d --panorama out.png\n"
     "  scancart import scan mysite bun000.ply bun045.ply bun315.ply --pose bun.conf --up y\n"
+    "  scancart import scan mysite kitti/000000 && scancart fuse mysite\n"
     "  scancart import scan mysite --list scans.yaml";
 
 struct arguments {
@@ -61,11 +67,30 @@ static int fill_job(const struct arguments *a, const char *file, struct scan_job
 }
 
 static void print_text(const struct scan_job *job) {
-    (void)printf("%s: %zu samples in %d rows of %d, %.1f %% no return, %d photograph%s; %s\n",
-                 job->name, job->scan.count, job->scan.rows, job->scan.columns,
-                 100.0 * (double)job->no_returns / (double)job->scan.count, job->face_count,
-                 job->face_count == 1 ? "" : "s",
+    char grid[64] = "in the file's order", frame[160] = "";
+    if (job->scan.rows > 1)
+        (void)snprintf(grid, sizeof grid, "in %d rows of %d", job->scan.rows, job->scan.columns);
+    if (job->frame.image.bytes)
+        (void)snprintf(frame, sizeof frame, ", a camera frame of %d x %d px",
+                       job->frame.camera.width_px, job->frame.camera.height_px);
+    else if (job->frame.lacks)
+        (void)snprintf(frame, sizeof frame, ", no camera frame (%s)", job->frame.lacks);
+    (void)printf("%s: %zu samples %s, %.1f %% no return, %d photograph%s%s; %s\n", job->name,
+                 job->scan.count, grid, 100.0 * (double)job->no_returns / (double)job->scan.count,
+                 job->face_count, job->face_count == 1 ? "" : "s", frame,
                  job->posed ? "pose as given" : "no pose: it stands at the origin");
+}
+
+static void put_frame(struct json *json, struct cJSON *station, const struct scan_frame *frame) {
+    if (!frame->image.bytes)
+        return;
+    struct cJSON *o = json_object(json, station, "frame");
+    json_integer(json, o, "width_px", frame->camera.width_px);
+    json_integer(json, o, "height_px", frame->camera.height_px);
+    json_number(json, o, "fx_px", frame->camera.fx_px);
+    json_number(json, o, "x_m", frame->station_from_cam.t_m.x);
+    json_number(json, o, "y_m", frame->station_from_cam.t_m.y);
+    json_number(json, o, "z_m", frame->station_from_cam.t_m.z);
 }
 
 static enum st print_json(const struct scan_job *jobs, const int64_t *ids, size_t count,
@@ -86,6 +111,7 @@ static enum st print_json(const struct scan_job *jobs, const int64_t *ids, size_
         json_number(&json, station, "range_sigma_m", job->used_sigma_m);
         json_boolean(&json, station, "posed", job->posed);
         json_text(&json, station, "grid", job->scan.meta);
+        put_frame(&json, station, &job->frame);
         struct cJSON *photos = json_array(&json, station, "photos");
         for (int k = 0; k < job->face_count; k++) {
             struct cJSON *photo = json_object(&json, photos, NULL);
@@ -220,7 +246,7 @@ int cmd_import_scan(int argc, const char **argv) {
         {"panorama", 0, POPT_ARG_STRING, &a.panorama, 0, "also a picture of the first scan", "PNG"},
         POPT_TABLEEND};
     struct app_usage usage = {.name = "import scan",
-                              .synopsis = "SITE FILE... [options]\n"
+                              .synopsis = "SITE FILE-OR-FOLDER... [options]\n"
                                           "   or: scancart import scan SITE --list FILE",
                               .about = about,
                               .options = options,

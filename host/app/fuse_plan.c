@@ -92,14 +92,17 @@ static bool steps_of(const struct frame_row *row, double *out_pan, double *out_t
     return both;
 }
 
-/* The camera's record: of the wanted kind where the site has one, else the one that the frame
- * names. */
+/* The camera's record. The cart's camera has many, of which the wanted or the best counts; a frame
+ * of another's keeps the one that it names. */
 static enum st camera_of(struct site *site, const struct frame_row *row,
                          const struct fuse_settings *s, char *text, struct calib *out_record,
                          struct rig_camera *out_camera, struct errctx *err) {
-    enum st st = fuse_source_calibration(site, "camera", s->calibration, out_record, text, err);
-    if (st == ST_NOT_FOUND)
-        st = calib_read(site, row->camera_calib_id, out_record, text, CALIB_MAX_BYTES + 1, err);
+    enum st st = calib_read(site, row->camera_calib_id, out_record, text, CALIB_MAX_BYTES + 1, err);
+    if (!st && !strcmp(out_record->kind, "camera")) {
+        st = fuse_source_calibration(site, "camera", s->calibration, out_record, text, err);
+        if (st == ST_NOT_FOUND)
+            st = calib_read(site, row->camera_calib_id, out_record, text, CALIB_MAX_BYTES + 1, err);
+    }
     if (!st)
         st = rig_yaml_read_camera(text, out_record->size_bytes, out_record->name, out_camera, err);
     return st;
@@ -163,7 +166,9 @@ enum st fuse_plan_station(struct site *site, const struct station *station,
                           struct errctx *err) {
     size_t before = photos->count;
     enum st st = plan_frames(site, station, source, settings, photos, err);
-    if (!st && (photos->count == before || settings->faces_always))
+    /* The cart's camera sees all that its laser does; another's need not. */
+    bool faces = photos->count == before || settings->faces_always || !source->rays;
+    if (!st && faces)
         st = plan_faces(station, source, survey, settings, photos, err);
     return st;
 }

@@ -4,6 +4,7 @@
 #include "base/json.h"
 #include "base/sample_grid.h"
 #include "import/scan_fan.h"
+#include "import/scan_spin.h"
 #include "site/files.h"
 #include "site/job.h"
 #include "site/photo_row.h"
@@ -16,14 +17,16 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 /* Largest raw scan: bounded by what one site file may hold. */
 #define SCAN_FILE_MAX_BYTES ((size_t)2 << 30)
 #define POSE_FILE_MAX_BYTES ((size_t)1 << 20)
 
-/* A turned line scanner of the pulse kind; and triangulating scanners, whose spacing follows their
- * noise. */
+/* A turned line scanner of the pulse kind; a spinning one by its data sheet; and triangulating
+ * scanners, whose spacing follows their noise. */
 #define SIGMA_3DTK_M       0.01
+#define SIGMA_SPIN_M       0.02
 #define SIGMA_PLY_SPACINGS 0.05
 #define SIGMA_PLY_MAX_M    1e-3
 
@@ -40,6 +43,7 @@ void scan_job_fini(struct scan_job *job) {
     source_file_destroy(&job->file);
     source_file_destroy(&job->pose_file);
     scan_destroy(&job->scan);
+    scan_frame_destroy(&job->frame);
     for (int i = 0; i < job->face_count; i++)
         free(job->faces[i].tiff);
     memset(job->faces, 0, sizeof job->faces);
@@ -51,9 +55,17 @@ static bool is_ply(const struct source_file *file) {
            (file->bytes[3] == '\n' || file->bytes[3] == '\r');
 }
 
+/* Such a file says nothing of itself: its name does. */
+static bool is_spin(const struct scan_job *job) {
+    const char *dot = strrchr(fileio_basename(job->path), '.');
+    return dot && !strcasecmp(dot, ".bin");
+}
+
 static const char *format_name(const struct scan_job *job) {
     if (is_ply(&job->file))
         return "PLY range grid";
+    if (is_spin(job))
+        return "spinning laser";
     return scan_fan_is(job->file.bytes, job->file.size) ? "turned line laser" : "3DTK";
 }
 
@@ -96,20 +108,32 @@ static enum st read_3dtk(struct scan_job *job, struct errctx *err) {
 }
 
 /* No companion file: --pose is for the others. */
+static enum st pose_of_list(struct scan_job *job, const char *what, struct errctx *err) {
+    if (job->pose_path[0])
+        return errctx_set(err, ST_UNSUPPORTED,
+                          "%s: %s takes no pose file; give the pose as seven numbers in a list",
+                          job->path, what);
+    job->posed = job->has_pose;
+    if (job->has_pose)
+        job->scan.world_from_station = job->world_from_file;
+    return ST_OK;
+}
+
 static enum st read_fan(struct scan_job *job, struct errctx *err) {
     enum st st = scan_fan_parse(job->file.bytes, job->file.size, &job->scan, err);
     if (st)
         return errctx_prefix(err, st, "%s", job->path);
-    if (job->pose_path[0])
-        return errctx_set(err, ST_UNSUPPORTED,
-                          "%s: a log of a turned line laser takes no pose file; give the pose as "
-                          "seven numbers in a list",
-                          job->path);
-    job->posed = job->has_pose;
-    if (job->has_pose)
-        job->scan.world_from_station = job->world_from_file;
     job->used_sigma_m = job->range_sigma_m > 0.0 ? job->range_sigma_m : SIGMA_3DTK_M;
-    return ST_OK;
+    return pose_of_list(job, "a log of a turned line laser", err);
+}
+
+static enum st read_spin(struct scan_job *job, struct errctx *err) {
+    enum st st = scan_spin_parse(job->file.bytes, job->file.size, &job->scan, err);
+    if (st)
+        return errctx_prefix(err, st, "%s", job->path);
+    job->used_sigma_m = job->range_sigma_m > 0.0 ? job->range_sigma_m : SIGMA_SPIN_M;
+    st = pose_of_list(job, "a spinning laser", err);
+    return st ? st : scan_frame_find(job->path, &job->frame, err);
 }
 
 static enum st read_ply(struct scan_job *job, struct errctx *err) {
@@ -140,6 +164,8 @@ static enum st read_ply(struct scan_job *job, struct errctx *err) {
 static enum st read_file(struct scan_job *job, struct errctx *err) {
     if (is_ply(&job->file))
         return read_ply(job, err);
+    if (is_spin(job))
+        return read_spin(job, err);
     return scan_fan_is(job->file.bytes, job->file.size) ? read_fan(job, err) : read_3dtk(job, err);
 }
 
@@ -192,7 +218,7 @@ static enum st draw_faces(struct scan_job *job, struct errctx *err) {
     enum st st = sample_grid_create(job->scan.samples, job->scan.count, &grid, err);
     if (!st && (st = default_sigma(job, &grid)))
         st = errctx_set(err, st, "no memory for the spacing of the samples");
-    if (!st && !job->no_photos)
+    if (!st && !job->no_photos && job->scan.rows > 1)
         st = scan_photo_faces(&grid, faces, &count, err);
     for (int i = 0; !st && i < count; i++)
         st = draw_face(job, &grid, &faces[i], err);
@@ -200,9 +226,26 @@ static enum st draw_faces(struct scan_job *job, struct errctx *err) {
     return st ? errctx_prefix(err, st, "%s", job->path) : ST_OK;
 }
 
+/* A folder stands for the points in it, and gives the station its name. */
+static enum st enter_folder(struct scan_job *job, struct errctx *err) {
+    char dir[FILEIO_PATH_MAX];
+    if (!fileio_is_dir(job->path))
+        return ST_OK;
+    memcpy(dir, job->path, sizeof dir);
+    enum st st = scan_frame_points(dir, job->path, err);
+    for (size_t n = strlen(dir); n > 1 && dir[n - 1] == '/'; n--)
+        dir[n - 1] = 0;
+    const char *name = fileio_basename(dir);
+    if (!job->name[0] && site_name_is_valid(name) && strcmp(name, ".") && strcmp(name, ".."))
+        memcpy(job->name, name, strlen(name) + 1);
+    return st;
+}
+
 enum st scan_job_prepare(struct scan_job *job, struct errctx *err) {
     const int64_t start_ns = clock_now_ns();
-    enum st st = source_file_read(job->path, SCAN_FILE_MAX_BYTES, &job->file, err);
+    enum st st = enter_folder(job, err);
+    if (!st)
+        st = source_file_read(job->path, SCAN_FILE_MAX_BYTES, &job->file, err);
     if (!st) {
         if (!job->name[0])
             memcpy(job->name, job->file.stem, sizeof job->name);
@@ -263,9 +306,9 @@ static enum st parameters_text(const struct scan_job *job, char **out_text, stru
     return st;
 }
 
-static enum st add_job(struct site *site, const struct scan_job *job,
-                       const struct job_hash inputs[2], const struct job_hash *outputs,
-                       int64_t *out_id, struct errctx *err) {
+static enum st add_job(struct site *site, const struct scan_job *job, const struct job_hash *inputs,
+                       size_t input_count, const struct job_hash *outputs, int64_t *out_id,
+                       struct errctx *err) {
     char *parameters = NULL;
     enum st st = parameters_text(job, &parameters, err);
     if (st)
@@ -274,7 +317,7 @@ static enum st add_job(struct site *site, const struct scan_job *job,
                             .parameters = parameters,
                             .program = "scancart " SCANCART_VERSION,
                             .inputs = inputs,
-                            .input_count = job->pose_file.bytes ? 2 : 1,
+                            .input_count = input_count,
                             .outputs = outputs,
                             .output_count = 1 + (size_t)job->face_count,
                             .seconds = job->seconds};
@@ -326,21 +369,26 @@ static enum st store_rows(struct site *site, const struct scan_job *job, int64_t
 
 enum st scan_job_store(struct site *site, const struct scan_job *job, int64_t *out_station_id,
                        struct errctx *err) {
-    struct job_hash inputs[2], outputs[1 + SCAN_PHOTO_FACES_MAX];
+    struct job_hash inputs[3], outputs[1 + SCAN_PHOTO_FACES_MAX];
+    size_t input_count = 1;
     memset(outputs, 0, sizeof outputs);
     int64_t station_id = 0, job_id = 0;
     enum st st = source_file_put(site, &job->file, "scan", &inputs[0], err);
     if (!st && job->pose_file.bytes)
-        st = source_file_put(site, &job->pose_file, "pose", &inputs[1], err);
+        st = source_file_put(site, &job->pose_file, "pose", &inputs[input_count++], err);
     if (!st)
         st = store_samples(site, job, &station_id, &outputs[0], err);
+    if (!st && job->frame.image.bytes) { /* its format takes no pose file: there is room */
+        st = scan_frame_store(site, &job->frame, station_id, job->name, &inputs[1], err);
+        input_count = 3;
+    }
     for (int i = 0; !st && i < job->face_count; i++) {
         (void)snprintf(outputs[1 + i].role, sizeof outputs[1 + i].role, "photo");
         st = files_put(site, FILES_PHOTO, "tif", job->faces[i].tiff, job->faces[i].tiff_size,
                        outputs[1 + i].sha256, err);
     }
     if (!st)
-        st = add_job(site, job, inputs, outputs, &job_id, err);
+        st = add_job(site, job, inputs, input_count, outputs, &job_id, err);
     if (!st)
         st = store_rows(site, job, station_id, job_id, outputs + 1, err);
     if (!st)
