@@ -12,6 +12,6 @@ scancart_test(prop_skins SOURCES prop/prop_skins.c support/analytic.c DEPS sc_fu
 set_tests_properties(prop_rays prop_fusion prop_skins PROPERTIES ENVIRONMENT "OMP_WAIT_POLICY=passive")
 add_executable(bench_fusion bench/bench_fusion.c bench/bench_fusion_speed.c
   bench/bench_fusion_accuracy.c bench/bench_fusion_skins.c bench/bench_fusion_cull.c
-  bench/bench_fusion_code.c bench/bench_fusion_real.c support/analytic.c
+  bench/bench_fusion_code.c support/analytic.c
   "${CMAKE_SOURCE_DIR}/host/app/fuse_settings.c")
 target_link_libraries(bench_fusion PRIVATE sc_twin sc_fusion sc_site OpenMP::OpenMP_C PkgConfig::PKG_libzstd)

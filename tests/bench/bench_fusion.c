@@ -1,6 +1,6 @@
 /* Fusion: speed, accuracy against truth, skins, culling, bits. JSON list on stdout, tables on
- * stderr. Usage: bench_fusion PART [--quick]      PART: speed accuracy skins cull code bench_fusion
- * real longarm|kitti PATH OUT bench_fusion peer-write FILE | peer-read FILE SECONDS */
+ * stderr. Usage: bench_fusion PART [--quick]      PART: speed accuracy skins cull code
+ *        bench_fusion peer-write FILE | peer-read FILE SECONDS */
 #include "bench_fusion.h"
 
 #include <stdio.h>
@@ -48,8 +48,6 @@ int main(int argc, char **argv) {
         status = bench_cull(quick);
     else if (!strcmp(part, "code"))
         status = bench_code(quick);
-    else if (!strcmp(part, "real") && argc == 5)
-        status = bench_real(argv[2], argv[3], argv[4]);
     else if (!strcmp(part, "peer-write") && argc == 3)
         status = bench_peer_write(argv[2]);
     else if (!strcmp(part, "peer-read") && argc == 4)

@@ -25,9 +25,6 @@ int bench_accuracy(bool quick);
 int bench_skins(bool quick);
 int bench_cull(bool quick);
 int bench_code(bool quick);
-/* Real data to photographs: PATH is a longarm scan or a KITTI folder, OUT the prefix of what is
- * written. */
-int bench_real(const char *kind, const char *path, const char *out);
 /* Samples for a peer: writes x y z floats; and reads back its depths to count what floats. */
 int bench_peer_write(const char *path);
 int bench_peer_read(const char *path, double seconds);

@@ -168,6 +168,87 @@ def bad_scans(site, work):
             work / "other.conf")
 
 
+def spin_folder(work, name, points=None, calib=inputs.SPIN_CALIB, size=(64, 48)):
+    folder = work / name
+    folder.mkdir()
+    (folder / "velodyne.bin").write_bytes(inputs.spin_points() if points is None else points)
+    if calib is not None:
+        (folder / "calib.txt").write_text(calib)
+    if size:
+        inputs.write_png(folder / "image.png", *size)
+    return folder
+
+
+def spinning_laser(site, work):
+    """Points, image and calibration of a folder become a station that fuse makes photographs of."""
+    folder = spin_folder(work, "drive")
+    made = run_json("import", "scan", site, str(folder) + "/")["stations"][0]
+    assert (made["name"], made["rows"], made["samples"]) == ("drive", 32, 32 * 720), made
+    assert made["frame"]["width_px"] == 64 and made["frame"]["fx_px"] == 60
+    # the camera: a quarter metre ahead, a tenth to the left of the laser by P2's last column
+    assert abs(made["frame"]["x_m"] - 0.25) < 1e-9 and abs(made["frame"]["y_m"] - 0.1) < 1e-9
+    # the dataset as published: velodyne/N.bin, image_2/N.png, calib/N.txt
+    tree = work / "training"
+    for part, name, take in (("velodyne", "7.bin", "velodyne.bin"), ("image_2", "7.png", "image.png"),
+                             ("calib", "7.txt", "calib.txt")):
+        (tree / part).mkdir(parents=True)
+        shutil.copy(folder / take, tree / part / name)
+    made = run_json("import", "scan", site, tree / "velodyne" / "7.bin")["stations"][0]
+    assert made["name"] == "7" and made["frame"]["height_px"] == 48
+    alone = spin_folder(work, "alone", calib=None)
+    done = run("import", "scan", site, alone)
+    assert "no camera frame (no calib.txt" in done.stdout, done.stdout
+    good(site)
+
+
+def spinning_laser_fused(site, work):
+    """In a site of its own: the wall ahead, 4 m from the laser, is 3.75 m from the camera."""
+    import cv2
+    own = work / "spun"
+    run("new", own)
+    run("import", "scan", own, work / "drive")
+    fused = run("fuse", own)
+    assert "5 photographs" in fused.stdout + fused.stderr, fused.stdout
+    run("shot", own, "--photo", "drive-frame1", "--photos", "drive-frame1", "-p", "mesh", "-o", work / "frame.png",
+        "--depth16", work / "depth.png")
+    depth_mm = cv2.imread(str(work / "depth.png"), cv2.IMREAD_UNCHANGED)
+    seen = cv2.imread(str(work / "frame.png"))[16:32, 16:48]
+    true = cv2.imread(str(work / "drive" / "image.png"))[16:32, 16:48]
+    assert depth_mm.shape == (48, 64)
+    assert abs(depth_mm[16:32, 16:48].astype(float) - 3750).max() <= 2, depth_mm[16:32, 16:48]
+    difference = abs(seen.astype(int) - true.astype(int))
+    assert (difference <= 8).mean() > 0.9, difference.mean()
+    good(own)
+
+
+def bad_spinning_lasers(site, work):
+    whole, nan = inputs.spin_points(), struct.pack("<4f", float("nan"), 0, 0, 0)
+    lines = inputs.SPIN_CALIB.splitlines(keepends=True)
+    cases = [("size", {"points": whole[:-3]}, "16 bytes"), ("none", {"points": b""}, "empty"),
+             ("nan", {"points": whole[:160] + nan + whole}, "point 10: number 1 is not finite"),
+             ("zero", {"points": bytes(160)}, "no point"),
+             ("noise", {"points": b"\x7f" * 1600}, "point 0"),
+             ("p2", {"calib": "".join(lines[:1] + lines[2:])}, "no line P2:"),
+             ("r0", {"calib": "".join(lines[:2] + lines[3:])}, "no line R0_rect:"),
+             ("tr", {"calib": "".join(lines[:3])}, "no line Tr_velo_to_cam:"),
+             ("empty", {"calib": ""}, "calib.txt: the file is empty"),
+             ("short", {"calib": inputs.SPIN_CALIB[:-12]}, "number"),
+             ("turn", {"calib": inputs.SPIN_CALIB.replace("0 -1 0 0 0", "0 -9 0 0 0")}, "no rotation"),
+             ("small", {"size": (32, 24)}, "not the one that was calibrated")]
+    for name, what, message in cases:
+        refused(site, message, "import", "scan", site, spin_folder(work, "bad-" + name, **what))
+    cut = spin_folder(work, "bad-image")
+    (cut / "image.png").write_bytes((cut / "image.png").read_bytes()[:200])
+    refused(site, "image.png", "import", "scan", site, cut)
+    (work / "nothing").mkdir()
+    refused(site, "no velodyne.bin", "import", "scan", site, work / "nothing")
+    refused(site, "station drive is in the site already", "import", "scan", site, work / "drive")
+    refused(site, "takes no pose file", "import", "scan", site, work / "drive", "--name", "posed", "--pose",
+            work / "stand1.pose")
+    # the second of two is bad: the first must not be there either
+    refused(site, "16 bytes", "import", "scan", site, spin_folder(work, "fine"), work / "bad-size")
+
+
 def wrong_usage(site, work):
     for arguments in (["import"], ["import", "cake", site], ["import", "photo"], ["import", "photo", site],
                       ["import", "photo", site, "--image", "a", "--depth", "b"],
@@ -187,7 +268,8 @@ def main():
     try:
         site = work / "s"
         run("new", site)
-        for step in (photographs, photograph_lists, bad_pictures, scans, bad_scans, wrong_usage):
+        for step in (photographs, photograph_lists, bad_pictures, scans, bad_scans, spinning_laser,
+                     spinning_laser_fused, bad_spinning_lasers, wrong_usage):
             step(site, work)
             print(f"{step.__name__}: good")
         good(site)

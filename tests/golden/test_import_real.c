@@ -1,6 +1,7 @@
 /* Imports of real scans against what is known of them: a turned line scanner's two stands, three
- * range images of one object with poses. */
+ * range images of one object with poses, a nodding laser's log, a spinning laser with a camera. */
 #include "base/photo.h"
+#include "base/picture.h"
 #include "base/sample_grid.h"
 #include "import/scan_fan.h"
 #include "import/scan_job.h"
@@ -239,14 +240,82 @@ static void a_nodding_laser_sees_a_flat_wall(void **state) {
     free(text);
 }
 
+/* ---- a spinning laser with a camera ---- */
+
+/* Mean change of grey across the nearer point of each pair of neighbours in a ring that are more
+ * than a metre apart in range, with the camera turned by an angle about an axis of its own. */
+static double grey_at_edges(const struct scan_job *job, const struct image_u8 *grey, double rad,
+                            int axis) {
+    const struct vec3 turn = {axis == 0 ? rad : 0, axis == 1 ? rad : 0, axis == 2 ? rad : 0};
+    const struct pose cam_from_velo = pose_inverse(&job->frame.station_from_cam);
+    const struct mat3 r = so3_exp(turn);
+    double sum = 0;
+    size_t n = 0;
+    for (size_t i = 1; i < job->scan.count; i++) {
+        const struct polar_sample *a = &job->scan.samples[i - 1], *b = a + 1;
+        struct vec2 px;
+        if (a->row != b->row || b->column > a->column + 2 || fabsf(a->range_m - b->range_m) < 1.0f)
+            continue;
+        const struct vec3 p = sample_point(a->range_m < b->range_m ? a : b);
+        if (camera_project(&job->frame.camera, mat3_mulv(&r, pose_apply(&cam_from_velo, p)), &px,
+                           NULL))
+            continue;
+        const int32_t u = (int32_t)lround(px.x), v = (int32_t)lround(px.y);
+        if (u < 2 || v < 0 || u >= grey->width_px - 2 || v >= grey->height_px)
+            continue;
+        sum += abs(*image_u8_at(grey, u + 2, v) - *image_u8_at(grey, u - 2, v));
+        n++;
+    }
+    assert_true(n > 1000);
+    return sum / (double)n;
+}
+
+static void a_spinning_laser_has_64_rings_and_its_edges_lie_on_the_cameras(void **state) {
+    (void)state;
+    struct scan_job job = scan_job_default();
+    struct image_u8 grey;
+    struct errctx err = {0};
+    char path[FILEIO_PATH_MAX];
+    double sum_rad[64] = {0}, count[64] = {0};
+    if (!real_data_path("kitti-000000", job.path))
+        skip();
+    if (scan_job_prepare(&job, &err))
+        fail_msg("%s", err.text);
+    assert_string_equal(job.name, "kitti-000000");
+    assert_int_equal(job.scan.count, 115384);
+    assert_int_equal(job.scan.rows, 64);
+    for (size_t i = 0; i < job.scan.count; i++) {
+        sum_rad[job.scan.samples[i].row] += job.scan.samples[i].elevation_rad;
+        count[job.scan.samples[i].row]++;
+    }
+    for (int row = 1; row < 64; row++) /* from the highest laser to the lowest */
+        assert_true(sum_rad[row] / count[row] < sum_rad[row - 1] / count[row - 1]);
+    assert_non_null(job.frame.image.bytes);
+    assert_true(real_data_path("kitti-000000/image.png", path));
+    assert_int_equal(picture_read_grey(path, &grey, &err), ST_OK);
+    const double given = grey_at_edges(&job, &grey, 0, 0);
+    for (int axis = 0; axis < 3; axis++) {
+        const double less = grey_at_edges(&job, &grey, -0.02, axis);
+        const double more = grey_at_edges(&job, &grey, 0.02, axis);
+        print_message("grey across edges in range: %.2f as calibrated, %.2f and %.2f turned by "
+                      "0.02 rad about %c\n",
+                      given, less, more, "xyz"[axis]);
+        assert_true(given > less && given > more);
+    }
+    image_u8_destroy(&grey);
+    scan_job_fini(&job);
+}
+
 int main(void) {
     char path[FILEIO_PATH_MAX];
-    if (!real_data_path("scans-3dtk/scan000.3d", path) && !real_data_path("bunny/bun.conf", path))
+    if (!real_data_path("scans-3dtk/scan000.3d", path) && !real_data_path("bunny/bun.conf", path) &&
+        !real_data_path("kitti-000000", path))
         return REAL_DATA_SKIP;
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_stand_is_226_rows_of_360_to_a_tenth_of_a_millimetre),
         cmocka_unit_test(three_range_images_overlay_within_a_millimetre),
         cmocka_unit_test(a_nodding_laser_sees_a_flat_wall),
+        cmocka_unit_test(a_spinning_laser_has_64_rings_and_its_edges_lie_on_the_cameras),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,6 +1,7 @@
 """Small files to import, made from formulas: what the end-to-end tests of import need."""
 import math
 import struct
+import zlib
 
 WIDTH, HEIGHT = 64, 48
 
@@ -61,3 +62,28 @@ def ply_text(rows=24, columns=32):
             "element vertex %d\nproperty float x\nproperty float y\nproperty float z\n"
             "element range_grid %d\nproperty list uchar int vertex_indices\nend_header\n"
             % (columns, rows, len(vertices), rows * columns) + "".join(vertices) + "".join(places))
+
+
+SPIN_CALIB = ("P0: 60 0 31.5 0 0 60 23.5 0 0 0 1 0\nP2: 60 0 31.5 6 0 60 23.5 0 0 0 1 0\n"
+              "R0_rect: 1 0 0 0 1 0 0 0 1\nTr_velo_to_cam: 0 -1 0 0 0 0 -1 0 1 0 0 -0.25\n")
+
+
+def spin_points(rings=32, steps=720):
+    """A spinning laser in a room of 8 x 6 x 4 m, ring by ring, as KITTI stores it."""
+    points = []
+    for ring in range(rings):
+        el = math.radians(16 - ring)
+        for k in range(steps):
+            az = 2 * math.pi * (k + 0.5) / steps
+            d = (math.cos(el) * math.cos(az), math.cos(el) * math.sin(az), math.sin(el))
+            r = min(h / abs(x) if abs(x) > 1e-9 else 1e9 for x, h in zip(d, (4, 3, 2)))
+            points.append(struct.pack("<4f", *(x * r for x in d), 0.25 + 0.5 * (k % 2)))
+    return b"".join(points)
+
+
+def write_png(path, width=WIDTH, height=HEIGHT):
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    rows = b"".join(b"\0" + b"".join(bytes(colour(u, v)) for u in range(width)) for v in range(height))
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
+                     + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
