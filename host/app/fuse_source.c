@@ -4,6 +4,7 @@
 #include "base/rig_yaml.h"
 #include "site/polar_chunk.h"
 
+#include <cjson/cJSON.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -313,6 +314,16 @@ static enum st fill_cache(struct fuse_source *s, size_t limit, struct errctx *er
     return ST_OK;
 }
 
+/* What the stream says that its ranges are good to. The meter follows one laser; where many took
+ * turns it cannot see by how much they disagree, and what it reads is too small. */
+static double least_noise_m(const struct fuse_source *s) {
+    cJSON *meta = s->stream.meta[0] ? cJSON_Parse(s->stream.meta) : NULL;
+    const cJSON *sigma = cJSON_GetObjectItemCaseSensitive(meta, "range_sigma_m");
+    const double said_m = cJSON_IsNumber(sigma) ? sigma->valuedouble : 0.0;
+    cJSON_Delete(meta);
+    return said_m > noise_floor_m && said_m < 1.0 ? said_m : noise_floor_m;
+}
+
 /* One pass that fills the cache and measures the noise; another for the noise where the cache is
  * too small. */
 static enum st read_once(struct fuse_source *s, const struct fuse_source_options *options,
@@ -328,8 +339,13 @@ static enum st read_once(struct fuse_source *s, const struct fuse_source_options
         noise_meter_init(s->meter);
         st = measure_noise(s, err);
     }
-    if (!st && s->meter && noise_meter_read(s->meter, noise_floor_m, &s->noise) && s->cache)
-        renew_sigmas(s->cache, s->cache_count, &assumed, &s->noise);
+    const double least_m = least_noise_m(s);
+    if (!st && s->meter && noise_meter_read(s->meter, least_m, &s->noise)) {
+        /* what the report shows is then what the stream says, not what was measured */
+        s->noise.measured = !(least_m > noise_floor_m && s->noise.sigma_m[0] <= least_m);
+        if (s->cache)
+            renew_sigmas(s->cache, s->cache_count, &assumed, &s->noise);
+    }
     free(s->meter);
     s->meter = NULL;
     if (s->rays)
@@ -359,6 +375,8 @@ enum st fuse_source_open(struct site *site, int64_t station_id,
                           s->stream.format);
     if (!head)
         s->origin_m = s->stream.origin_m;
+    if (!head && !(options->sigma_m > 0)) /* until it is measured */
+        s->noise = noise_model_constant(fmax(least_noise_m(s), noise_unknown_m), 0);
     st = stream_get_state(site, s->stream.id, &state, err);
     if (!st && !head)
         add_input(s, "stream", state.chain);

@@ -127,11 +127,20 @@ static enum st read_fan(struct scan_job *job, struct errctx *err) {
     return pose_of_list(job, "a log of a turned line laser", err);
 }
 
+/* Its lasers disagree by more than one of them scatters: fusion is told so by the stream. */
+static void say_sigma(struct scan_job *job) {
+    char *end = strrchr(job->scan.meta, '}');
+    const size_t room = end ? sizeof job->scan.meta - (size_t)(end - job->scan.meta) : 0;
+    if (room > 64)
+        (void)snprintf(end, room, ",\"range_sigma_m\":%.9g}", job->used_sigma_m);
+}
+
 static enum st read_spin(struct scan_job *job, struct errctx *err) {
     enum st st = scan_spin_parse(job->file.bytes, job->file.size, &job->scan, err);
     if (st)
         return errctx_prefix(err, st, "%s", job->path);
     job->used_sigma_m = job->range_sigma_m > 0.0 ? job->range_sigma_m : SIGMA_SPIN_M;
+    say_sigma(job);
     st = pose_of_list(job, "a spinning laser", err);
     return st ? st : scan_frame_find(job->path, &job->frame, err);
 }

@@ -207,8 +207,11 @@ def spinning_laser_fused(site, work):
     own = work / "spun"
     run("new", own)
     run("import", "scan", own, work / "drive")
-    fused = run("fuse", own)
-    assert "5 photographs" in fused.stdout + fused.stderr, fused.stdout
+    fused = run_json("fuse", own)
+    station = fused["stations"][0]
+    # no better than the import says, though every range here is exact
+    assert station["range_sigma_m"] == 0.02 and station["range_sigma_measured"] is False, station
+    assert "drive-frame1" in run("info", own).stdout
     run("shot", own, "--photo", "drive-frame1", "--photos", "drive-frame1", "-p", "mesh", "-o", work / "frame.png",
         "--depth16", work / "depth.png")
     depth_mm = cv2.imread(str(work / "depth.png"), cv2.IMREAD_UNCHANGED)
