@@ -139,16 +139,45 @@ static bool is_minority(const struct resolve_work *w, size_t i) {
     return resolve_heaviest(w, i)->weight < 0.5f * all;
 }
 
-/* Samples on one side only, farther than `off_px` from the centre on average, none in the pixel,
- * and beyond it another surface or none. */
+/* Whether three candidates lie on a line in disparity: one surface, however steep. */
+static bool in_line(const struct resolve_work *w, const struct candidate *a,
+                    const struct candidate *b, const struct candidate *c, bool vertical) {
+    if (!a || !b || !c)
+        return false;
+    float t = vertical ? c->v_px - a->v_px : c->u_px - a->u_px;
+    float s = vertical ? b->v_px - a->v_px : b->u_px - a->u_px;
+    if (!(fabsf(t) > 1.0f))
+        return false;
+    float part = s / t, slope = (c->disparity_per_m - a->disparity_per_m) / t;
+    float off = b->disparity_per_m - a->disparity_per_m - slope * s;
+    float var = b->sigma_per_m * b->sigma_per_m +
+                (1.0f - part) * (1.0f - part) * a->sigma_per_m * a->sigma_per_m +
+                part * part * c->sigma_per_m * c->sigma_per_m;
+    /* Two tenths of a pixel of the slope itself: places are known no better. */
+    return fabsf(off) <= (float)w->params->agree_sigmas * sqrtf(var) + 0.2f * fabsf(slope);
+}
+
+/* Whether the surface of the candidate at (x, y) goes on at its neighbour (u, v): within the room
+ * for slopes, on the candidate's plane, or on a line with the next pixel at either end. */
+static bool goes_on(const struct resolve_work *w, int32_t x, int32_t y, int32_t u, int32_t v) {
+    const struct candidate *me = neighbour(w, x, y), *c = neighbour(w, u, v);
+    float du = c->u_px - me->u_px, dv = c->v_px - me->v_px;
+    float room = w->rule.slope_per_px * me->disparity_per_m * (fabsf(du) + fabsf(dv));
+    float noise = noise_of(w, me, c), step = c->disparity_per_m - me->disparity_per_m;
+    return fabsf(step) <= noise + room ||
+           fabsf(step - me->gu * du - me->gv * dv) <= noise + 0.4f * room ||
+           in_line(w, me, c, neighbour(w, 2 * u - x, 2 * v - y), u == x) ||
+           in_line(w, neighbour(w, 2 * x - u, 2 * y - v), me, c, u == x);
+}
+
+/* Samples on one side only, more than 0.2 px from the centre on average, none in the pixel, and
+ * beyond it another surface or the sky. */
 bool mixed_overhangs(const struct resolve_work *w, int32_t x, int32_t y) {
-    const struct candidate *me = neighbour(w, x, y);
     const struct cluster_layer *layer =
         resolve_heaviest(w, (size_t)y * (size_t)w->width + (size_t)x);
     if (!layer || layer->count & CLUSTER_OWN)
         return false;
     float off_px[2] = {layer->du_px, layer->dv_px};
-    float slope = w->rule.slope_per_px * me->disparity_per_m;
     for (int k = 0; k < 2; k++) {
         if (!(fabsf(off_px[k]) > 0.2f))
             continue;
@@ -156,31 +185,23 @@ bool mixed_overhangs(const struct resolve_work *w, int32_t x, int32_t y) {
         int32_t u = x + (k ? 0 : step), v = y + (k ? step : 0);
         if (u < 0 || v < 0 || u >= w->width || v >= w->height)
             continue;
-        const struct candidate *c = neighbour(w, u, v);
-        if (!c) {
-            /* Seen, and no surface: the sky, or what was refused. Not seen: a gap, no edge. */
-            const struct cluster_pixel *beyond =
-                w->image->px + ((size_t)v * (size_t)w->width + (size_t)u);
-            if (beyond->layer_count || beyond->none_weight > 0.0f)
-                return true;
-            continue;
-        }
-        float away = fabsf(c->u_px - me->u_px) + fabsf(c->v_px - me->v_px);
-        if (fabsf(c->disparity_per_m - me->disparity_per_m) > noise_of(w, me, c) + slope * away)
+        const struct cluster_pixel *beyond =
+            w->image->px + ((size_t)v * (size_t)w->width + (size_t)u);
+        if (neighbour(w, u, v) ? !goes_on(w, x, y, u, v) : beyond->none_weight > 0.0f)
             return true;
     }
     return false;
 }
 
-/* What is refused, in this order of cost:
+/* What is refused. Where a surface leads up to the candidate from two sides at most (a split beam's
+ * cluster has the two along the edge, a straight border of a surface three or more, a corner
+ * three):
  * - a range that hardly any neighbour shares and most contradict;
- * - beside a nearer surface, what has a surface leading up to it from two sides at most: a split
- *   beam's cluster has the two along the edge, a straight border of a surface three or more, a
- *   corner three;
- * - between a nearer and a farther surface, the same, unless two thirds of the neighbours bear it
- *   out (edges of a few sigma, which the line before takes for slopes);
+ * - what has a nearer surface beside it;
  * - what few neighbours share and most of the pixel's own samples contradict;
- * - what is known from beyond the pixel only, and faintly, and has nothing on the other side. */
+ * - what lies between a nearer and a farther surface (also by steps of a few sigma, which the
+ *   second line takes for slopes), unless two thirds of the neighbours bear it out.
+ * And what is known from beyond the pixel only, and faintly, where its surface ends. */
 static bool floats(const struct resolve_work *w, int32_t x, int32_t y) {
     size_t i = (size_t)y * (size_t)w->width + (size_t)x;
     uint8_t support = w->support[i];

@@ -24,11 +24,16 @@ int noise_class(double intensity) {
     return isnan(intensity) ? 0 : (int)octaves(intensity);
 }
 
+/* Octaves of the range above 0.25 m: the last class begins at 512 m. */
+static double range_octaves(double range_m) {
+    return fmin(fmax(log2(range_m / 0.25), 0.0), NOISE_CLASSES - 1);
+}
+
 double noise_sigma(const struct noise_model *model, double intensity, double range_m) {
     double sigma = model->sigma_m[0];
-    if (!isnan(intensity)) {
+    if (model->by_range ? range_m > 0.0 : !isnan(intensity)) {
         /* Classes are octaves wide: interpolate between their middles. */
-        double at = octaves(intensity) - 0.5;
+        double at = (model->by_range ? range_octaves(range_m) : octaves(intensity)) - 0.5;
         int k = at < 0 ? 0 : (int)at;
         k = k > NOISE_CLASSES - 2 ? NOISE_CLASSES - 2 : k;
         double part = fmin(fmax(at - k, 0.0), 1.0);
@@ -84,10 +89,16 @@ static void window_count(struct noise_meter *meter) {
     }
     if ((with && with < NOISE_WINDOW) || high - low > 1.0)
         return;
+    if (with && !meter->with_intensity) /* from now on only such windows count */
+        memset(meter->histogram, 0, sizeof meter->histogram);
+    else if (!with && meter->with_intensity)
+        return;
+    meter->with_intensity = with > 0;
+    double class = with ? sum / with : range_octaves(meter->range_m[NOISE_WINDOW / 2]);
     double sigma_m = sqrt(window_variance(meter));
     double at = log(fmax(sigma_m, lowest_m) / lowest_m) / log(highest_m / lowest_m) * NOISE_BINS;
     int bin = at < NOISE_BINS ? (int)at : NOISE_BINS - 1;
-    meter->histogram[with ? (int)(sum / with) : 0][bin]++;
+    meter->histogram[(int)class][bin]++;
 }
 
 void noise_meter_add(struct noise_meter *meter, double range_m, double intensity) {
@@ -163,7 +174,7 @@ static double sigma_of(const int64_t histogram[NOISE_BINS]) {
 bool noise_meter_read(const struct noise_meter *meter, double floor_m,
                       struct noise_model *out_model) {
     enum { ENOUGH = 64 };
-    struct noise_model model = {.measured = true};
+    struct noise_model model = {.measured = true, .by_range = !meter->with_intensity};
     int first = -1, last = -1;
     for (int k = 0; k < NOISE_CLASSES; k++) {
         int64_t count = 0;
@@ -182,9 +193,9 @@ bool noise_meter_read(const struct noise_meter *meter, double floor_m,
         return false;
     for (int k = 0; k < first; k++)
         model.sigma_m[k] = model.sigma_m[first];
-    for (int k = last + 1; k < NOISE_CLASSES;
-         k++) /* weaker than any class known: sigma ~ 1/sqrt(I) */
-        model.sigma_m[k] = model.sigma_m[k - 1] * sqrt(2.0);
+    /* Weaker than any class known: sigma ~ 1/sqrt(I). Farther: nothing is known. */
+    for (int k = last + 1; k < NOISE_CLASSES; k++)
+        model.sigma_m[k] = model.sigma_m[k - 1] * (model.by_range ? 1.0 : sqrt(2.0));
     *out_model = model;
     return true;
 }

@@ -7,7 +7,8 @@
  * chi-square variable over its degrees of freedom peaks at 0) and trail off above. The mean of
  * those below 1.7 times the variance is brought to that of a chi-square variable cut off there, and
  * found by iteration from the crowd. Taken for each class of returned intensity, since weak echoes
- * are noisier. Within some 4 % of the truth in the twin's scenes, lawn and leaves among them. */
+ * are noisier; without intensities, for each octave of the range. Within some 4 % of the truth in
+ * the twin's scenes, lawn and leaves among them. */
 #ifndef SC_FUSION_NOISE_H
 #define SC_FUSION_NOISE_H
 
@@ -20,10 +21,11 @@ extern "C" {
 
 enum { NOISE_CLASSES = 12, NOISE_BINS = 1024, NOISE_WINDOW = 16 };
 
-/* Sigma by intensity class; class 0 also holds samples without intensity. */
+/* Sigma by class; class 0 also serves samples without intensity among others with. */
 struct noise_model {
     double sigma_m[NOISE_CLASSES];
     double sigma_per_m; /* added in quadrature, times the range */
+    bool by_range;      /* classes are octaves of the range, from 0.25 m, not of intensity */
     bool measured;      /* false: an assumption */
 };
 
@@ -41,6 +43,7 @@ struct noise_meter {
     int64_t histogram[NOISE_CLASSES][NOISE_BINS]; /* windows, of log sigma */
     double range_m[NOISE_WINDOW], intensity[NOISE_WINDOW];
     double basis[3][NOISE_WINDOW]; /* orthonormal: constant, line, bow */
+    bool with_intensity;           /* what was counted so far had intensities */
     int held;                      /* of the window that is being filled */
 };
 void noise_meter_init(struct noise_meter *meter);

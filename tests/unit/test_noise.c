@@ -52,6 +52,24 @@ static void rough_ground_is_not_noise(void **state) {
     assert_true(fabs(model.sigma_m[noise_class(0.5)] / 0.002 - 1.0) < 0.03);
 }
 
+/* Nothing but ranges: what is farther may be noisier. */
+static void without_intensity_noise_goes_by_range(void **state) {
+    (void)state;
+    static struct noise_meter meter;
+    struct noise_model model;
+    struct rng rng = rng_make(7);
+    noise_meter_init(&meter);
+    for (int i = 0; i < 40000; i++) {
+        double wall_m = (i / 200) % 2 ? 6.0 : 1.5, sigma_m = wall_m > 2.0 ? 0.008 : 0.002;
+        noise_meter_add(&meter, wall_m + sigma_m * rng_normal(&rng), (double)NAN);
+    }
+    assert_true(noise_meter_read(&meter, 1e-4, &model));
+    assert_true(model.by_range);
+    assert_true(fabs(noise_sigma(&model, (double)NAN, 1.414) / 0.002 - 1.0) < 0.05);
+    assert_true(fabs(noise_sigma(&model, (double)NAN, 5.657) / 0.008 - 1.0) < 0.05);
+    assert_true(noise_sigma(&model, (double)NAN, 100.0) > 0.0075);
+}
+
 static void without_noise_reports_the_floor(void **state) {
     (void)state;
     static struct noise_meter meter;
@@ -128,6 +146,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(measures_the_noise_of_a_wall_with_edges),
         cmocka_unit_test(rough_ground_is_not_noise),
+        cmocka_unit_test(without_intensity_noise_goes_by_range),
         cmocka_unit_test(without_noise_reports_the_floor),
         cmocka_unit_test(says_nothing_without_enough_samples),
         cmocka_unit_test(gaps_separate_runs),
