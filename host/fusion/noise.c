@@ -158,14 +158,19 @@ static double kept_mean(void) {
 static double sigma_of(const int64_t histogram[NOISE_BINS]) {
     enum { ROUNDS = 30 };
     double expected = kept_mean(), sigma_m = bin_sigma(fullest(histogram));
-    for (int round = 0; round < ROUNDS; round++) {
+    double before_m = 0.0;
+    for (int round = 0; round < ROUNDS && sigma_m != before_m; round++) {
         double most = sigma_m * sqrt(keep_ratio), sum = 0.0, count = 0.0;
-        for (int bin = 0; bin < NOISE_BINS && bin_sigma(bin) < most; bin++) {
-            sum += (double)histogram[bin] * bin_sigma(bin) * bin_sigma(bin);
+        for (int bin = 0; bin < NOISE_BINS; bin++) {
+            double window_m = bin_sigma(bin);
+            if (!(window_m < most))
+                break;
+            sum += (double)histogram[bin] * window_m * window_m;
             count += (double)histogram[bin];
         }
         if (count < 1.0)
             break;
+        before_m = sigma_m;
         sigma_m = sqrt(sum / count / expected);
     }
     return sigma_m;
