@@ -127,39 +127,6 @@ void cmd_capture_cart_plan(const struct cmd_capture_cart *cart,
         plan->pass_count = 0;
 }
 
-static enum st add_record(struct site *site, const char *kind, const char *name,
-                          enum calib_status status, const char *text, int64_t *out_id,
-                          struct errctx *err) {
-    struct calib record;
-    memset(&record, 0, sizeof record);
-    record.status = status;
-    record.format = CALIB_YAML;
-    (void)snprintf(record.name, sizeof record.name, "%s", name);
-    (void)snprintf(record.kind, sizeof record.kind, "%s", kind);
-    return calib_add(site, &record, text, strlen(text), out_id, err);
-}
-
-/* Nominal and true records of the twin, the nominal ones last: they are what frames refer to. */
-static enum st calibrate_twin(const struct twin_state *t, struct site *site, int64_t *out_camera,
-                              struct errctx *err) {
-    enum st st = ST_OK;
-    for (int truth = 1; truth >= 0 && !st; truth--) {
-        char text[RIG_YAML_MAX_BYTES];
-        struct rig rig = twin_config_rig(&t->config, truth);
-        struct rig_camera camera = twin_config_camera(&t->config, truth);
-        enum calib_status status = truth ? CALIB_TRUE : CALIB_NOMINAL;
-        int64_t id = 0;
-        st = rig_yaml_write(&rig, text, sizeof text);
-        if (!st)
-            st = add_record(site, "rig", "twin", status, text, &id, err);
-        if (!st)
-            st = rig_yaml_write_camera(&camera, text, sizeof text);
-        if (!st)
-            st = add_record(site, "camera", "twin", status, text, out_camera, err);
-    }
-    return st;
-}
-
 /* A record from a file, checked before it goes into the site. */
 static enum st add_file(struct site *site, const char *kind, const char *path, const char *name,
                         int64_t *out_id, struct errctx *err) {
@@ -180,7 +147,7 @@ static enum st add_file(struct site *site, const char *kind, const char *path, c
     st = !strcmp(kind, "rig") ? rig_yaml_read(text, size, path, &rig, err)
                               : rig_yaml_read_camera(text, size, path, &camera, err);
     if (!st)
-        st = add_record(site, kind, name, CALIB_NOMINAL, text, out_id, err);
+        st = calib_add_yaml(site, kind, name, CALIB_NOMINAL, text, out_id, err);
     free(text);
     free(bytes);
     return st;
@@ -218,7 +185,7 @@ enum st cmd_capture_cart_calibrate(const struct cmd_capture_cart *cart,
     enum st st = ST_OK;
     *out_camera = 0;
     if (cart->twin)
-        return calibrate_twin(cart->twin, site, out_camera, err);
+        return twin_scan_calibrate(&cart->twin->config, site, out_camera, err);
     if (options->rig)
         st = add_file(site, "rig", options->rig, cart->name, &rig_id, err);
     if (!st && options->camera)

@@ -123,15 +123,10 @@ static enum st store_calib(struct site *site, const struct scan_frame *frame, co
     char text[RIG_YAML_MAX_BYTES];
     const struct rig_camera camera = {.camera = frame->camera,
                                       .head_from_cam = frame->station_from_cam};
-    struct calib record;
-    memset(&record, 0, sizeof record);
-    record.status = CALIB_ESTIMATED;
-    record.format = CALIB_YAML;
-    (void)snprintf(record.kind, sizeof record.kind, "%s", SCAN_FRAME_CALIB_KIND);
-    (void)snprintf(record.name, sizeof record.name, "%s", station);
     enum st st = rig_yaml_write_camera(&camera, text, sizeof text);
     return st ? errctx_set(err, st, "the camera does not fit into a record")
-              : calib_add(site, &record, text, strlen(text), out_id, err);
+              : calib_add_yaml(site, SCAN_FRAME_CALIB_KIND, station, CALIB_ESTIMATED, text, out_id,
+                               err);
 }
 
 enum st scan_frame_store(struct site *site, const struct scan_frame *frame, int64_t station_id,

@@ -3,6 +3,7 @@
 #include "site/batch.h"
 #include "site/store.h"
 
+#include <stdio.h>
 #include <string.h>
 
 /* Columns: id kind name status format sha256 body utc_ns. */
@@ -113,6 +114,18 @@ enum st calib_add(struct site *site, const struct calib *record, const void *tex
     if (!st)
         *out_id = id;
     return st;
+}
+
+enum st calib_add_yaml(struct site *site, const char *kind, const char *name,
+                       enum calib_status status, const char *text, int64_t *out_id,
+                       struct errctx *err) {
+    struct calib record;
+    memset(&record, 0, sizeof record);
+    record.status = status;
+    record.format = CALIB_YAML;
+    (void)snprintf(record.kind, sizeof record.kind, "%s", kind);
+    (void)snprintf(record.name, sizeof record.name, "%s", name);
+    return calib_add(site, &record, text, strlen(text), out_id, err);
 }
 
 enum st calib_read(struct site *site, int64_t id, struct calib *out_record, char *out_text,

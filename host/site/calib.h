@@ -41,6 +41,11 @@ struct calib {
 ST_MUST_CHECK enum st calib_add(struct site *site, const struct calib *record, const void *text,
                                 size_t size_bytes, int64_t *out_id, struct errctx *err);
 
+/* The same for a YAML text. */
+ST_MUST_CHECK enum st calib_add_yaml(struct site *site, const char *kind, const char *name,
+                                     enum calib_status status, const char *text, int64_t *out_id,
+                                     struct errctx *err);
+
 /* The newest record of that kind and, unless NULL, that name and status (0: any). ST_NOT_FOUND. */
 ST_MUST_CHECK enum st calib_find(struct site *site, const char *kind, const char *name,
                                  enum calib_status status, struct calib *out_record,

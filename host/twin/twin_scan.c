@@ -454,29 +454,22 @@ static enum st run_stand(const struct twin_scan *scan, struct site *site, size_t
     return st;
 }
 
-/* Nominal and true calibration records; the nominal camera's is what frames refer to. */
-static enum st add_calibration(const struct twin_scan *scan, struct site *site, int64_t *out_camera,
-                               struct errctx *err) {
+enum st twin_scan_calibrate(const struct twin_config *config, struct site *site,
+                            int64_t *out_camera, struct errctx *err) {
     enum st st = ST_OK;
     for (int truth = 1; truth >= 0 && !st; truth--) {
         char text[RIG_YAML_MAX_BYTES];
-        struct rig rig = twin_config_rig(scan->config, truth);
-        struct rig_camera camera = twin_config_camera(scan->config, truth);
-        struct calib record;
-        memset(&record, 0, sizeof record);
-        record.status = truth ? CALIB_TRUE : CALIB_NOMINAL;
-        record.format = CALIB_YAML;
-        (void)snprintf(record.name, sizeof record.name, "twin");
-        (void)snprintf(record.kind, sizeof record.kind, "rig");
+        struct rig rig = twin_config_rig(config, truth);
+        struct rig_camera camera = twin_config_camera(config, truth);
+        enum calib_status status = truth ? CALIB_TRUE : CALIB_NOMINAL;
         int64_t id = 0;
         st = rig_yaml_write(&rig, text, sizeof text);
         if (!st)
-            st = calib_add(site, &record, text, strlen(text), &id, err);
-        (void)snprintf(record.kind, sizeof record.kind, "camera");
+            st = calib_add_yaml(site, "rig", "twin", status, text, &id, err);
         if (!st)
             st = rig_yaml_write_camera(&camera, text, sizeof text);
         if (!st)
-            st = calib_add(site, &record, text, strlen(text), out_camera, err);
+            st = calib_add_yaml(site, "camera", "twin", status, text, out_camera, err);
     }
     return st;
 }
@@ -494,7 +487,7 @@ int64_t twin_scan_duration_ms(const struct twin_scan *scan) {
 enum st twin_scan_run(const struct twin_scan *scan, struct site *site,
                       struct twin_scan_stand *out_stands, struct errctx *err) {
     int64_t camera_id = 0;
-    enum st st = add_calibration(scan, site, &camera_id, err);
+    enum st st = twin_scan_calibrate(scan->config, site, &camera_id, err);
     for (size_t i = 0; i < scan->stand_count && !st; i++)
         st = run_stand(scan, site, i, camera_id, &out_stands[i], err);
     if ((st == ST_OK || st == ST_CANCELLED || st == ST_FULL) && scan->truth_dir) {

@@ -40,6 +40,11 @@ struct twin_scan_stand {
         error_sigma_m; /* of the measured distance against the echo's, returns only */
 };
 
+/* Adds the nominal and the true calibration records of the twin's rig and camera to a site. What
+ * frames are to refer to, the nominal camera's record, goes to out_camera. */
+ST_MUST_CHECK enum st twin_scan_calibrate(const struct twin_config *config, struct site *site,
+                                          int64_t *out_camera, struct errctx *err);
+
 /* Cart time of one stand's scan, ms: for the progress bar's total. */
 int64_t twin_scan_duration_ms(const struct twin_scan *scan);
 
