@@ -17,7 +17,7 @@
 #include <string.h>
 
 /* The number counts changes of what fusion computes: results of other numbers are made anew. */
-const char fuse_photo_program[] = "scancart " SCANCART_VERSION " fusion 4";
+const char fuse_photo_program[] = "scancart " SCANCART_VERSION " fusion 5";
 
 void fuse_photos_fini(struct fuse_photos *photos) {
     for (size_t i = 0; i < photos->count; i++)
