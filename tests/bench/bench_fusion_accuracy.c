@@ -320,12 +320,11 @@ static struct score judge(const struct stand *s, const struct fuse_settings *set
     return score;
 }
 
-/* Floating pixels in 10 000. */
-static double in_10000(int64_t floats, int64_t of) {
-    return of ? 1e4 * (double)floats / (double)of : 0.0;
-}
 static double share_of(int64_t part, int64_t of) {
     return of ? (double)part / (double)of : 0.0;
+}
+static double in_10000(int64_t part, int64_t of) {
+    return 1e4 * share_of(part, of);
 }
 
 static void report(const char *scene, const char *condition, const char *quality,
